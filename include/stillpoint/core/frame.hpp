@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <cmath>
+#include <cstdint>
+#include <opencv2/core.hpp>
+#include <string>
+
+#include "stillpoint/core/error.hpp"
+
+namespace stillpoint {
+
+/// One picture of an RGB-D camera. cv::Mat members share their data: copying a frame is cheap.
+struct RgbdFrame {
+  /// H x W, CV_8UC3 (BGR, as OpenCV loads it) or CV_8UC1 (grey).
+  cv::Mat color;
+  /// H x W, CV_16UC1 in `depth_units_per_m`, or CV_32FC1 in metres, or empty (a camera without
+  /// depth). 0 and NaN mean "no measurement".
+  cv::Mat depth;
+  /// Seconds; any origin, one clock for the whole run.
+  double timestamp = 0;
+  /// Units of a 16-bit depth picture per metre (5000: TUM, Bonn; 1000: millimetres). Not used for
+  /// CV_32FC1.
+  double depth_units_per_m = 5000;
+};
+
+/// Metres per stored unit of `frame.depth`.
+inline float metres_per_unit(const RgbdFrame& frame) {
+  return frame.depth.depth() == CV_16U ? static_cast<float>(1.0 / frame.depth_units_per_m) : 1.0f;
+}
+
+/// Depth at (x, y) in metres; 0 where there is no measurement. The pixel must lie in the picture.
+inline float depth_m_at(const RgbdFrame& frame, int x, int y) {
+  if (frame.depth.empty()) return 0;
+  if (frame.depth.depth() == CV_16U)
+    return static_cast<float>(frame.depth.at<std::uint16_t>(y, x) / frame.depth_units_per_m);
+  const float z = frame.depth.at<float>(y, x);
+  return std::isfinite(z) && z > 0 ? z : 0;
+}
+
+namespace detail {
+
+inline std::string size_text(const cv::Mat& m) {
+  return std::to_string(m.cols) + "x" + std::to_string(m.rows);
+}
+
+inline std::string type_text(const cv::Mat& m) {
+  static const char* const names[] = {"8U", "8S", "16U", "16S", "32S", "32F", "64F", "16F"};
+  return "CV_" + std::string(names[m.depth()]) + "C" + std::to_string(m.channels());
+}
+
+}  // namespace detail
+
+/// Throws Error unless the frame has the shape and coding written at RgbdFrame. O(1).
+inline void check_frame(const RgbdFrame& frame) {
+  using detail::size_text;
+  using detail::type_text;
+  detail::check(!frame.color.empty(),
+                [] { return std::string("frame.color: expected a picture, found an empty one"); });
+  detail::check(frame.color.type() == CV_8UC3 || frame.color.type() == CV_8UC1, [&] {
+    return "frame.color: expected CV_8UC3 (BGR) or CV_8UC1, found " + type_text(frame.color);
+  });
+  detail::check(std::isfinite(frame.timestamp), [&] {
+    return "frame.timestamp: expected seconds, found " + std::to_string(frame.timestamp);
+  });
+  if (frame.depth.empty()) return;
+  detail::check(frame.depth.type() == CV_16UC1 || frame.depth.type() == CV_32FC1, [&] {
+    return "frame.depth: expected CV_16UC1 or CV_32FC1 (metres), found " + type_text(frame.depth);
+  });
+  detail::check(frame.depth.size() == frame.color.size(), [&] {
+    return "frame.depth: expected the size of frame.color, " + size_text(frame.color) + ", found " +
+           size_text(frame.depth);
+  });
+  detail::check(frame.depth.depth() != CV_16U || frame.depth_units_per_m > 0, [&] {
+    return "frame.depth_units_per_m: expected a positive number (5000 for TUM, 1000 for "
+           "millimetres), found " +
+           std::to_string(frame.depth_units_per_m);
+  });
+}
+
+}  // namespace stillpoint

@@ -1,0 +1,88 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <algorithm>
+#include <opencv2/core.hpp>
+#include <string>
+#include <vector>
+
+#include "stillpoint/core/error.hpp"
+#include "stillpoint/core/frame.hpp"
+
+namespace stillpoint {
+
+/// One segmented (or only detected) object of a frame.
+struct Instance {
+  /// Class by name ("person"); empty for an object without a class, found by its motion.
+  std::string class_name = "person";
+  /// Detector's confidence, 0 to 1.
+  float score = 1;
+  /// Bounding box in pixels, inside the picture.
+  cv::Rect box;
+  /// CV_8UC1 of the box's size, 255 = object, 0 = not. Empty: only the box is known, and the depth
+  /// fusion carves the object out of it.
+  cv::Mat mask;
+};
+
+/// What a segmenter says of one frame.
+struct Segmentation {
+  /// False: no result for this frame (the network did not run); masks are predicted from earlier
+  /// ones. True with no instances: the network ran and saw nobody.
+  bool available = false;
+  /// Timestamp of the frame that was segmented, seconds.
+  double timestamp = 0;
+  std::vector<Instance> instances;
+};
+
+/// Smallest box around the non-zero pixels of an 8-bit mask; empty if there are none. O(pixels).
+inline cv::Rect mask_bounds(const cv::Mat& mask) {
+  int x0 = mask.cols, x1 = -1, y0 = mask.rows, y1 = -1;
+  for (int y = 0; y < mask.rows; ++y) {
+    const uchar* row = mask.ptr<uchar>(y);
+    int first = 0;
+    while (first < mask.cols && !row[first]) ++first;
+    if (first == mask.cols) continue;
+    int last = mask.cols - 1;
+    while (!row[last]) --last;
+    x0 = std::min(x0, first), x1 = std::max(x1, last);
+    y0 = std::min(y0, y), y1 = y;
+  }
+  return x1 < 0 ? cv::Rect() : cv::Rect(x0, y0, x1 - x0 + 1, y1 - y0 + 1);
+}
+
+/// Makes an instance from a mask of the whole picture (CV_8UC1, non-zero = object). Returns an
+/// instance with an empty box if the mask is empty. O(pixels).
+inline Instance instance_from_mask(const cv::Mat& full_mask,
+                                   const std::string& class_name = "person", float score = 1) {
+  detail::check(full_mask.type() == CV_8UC1, [&] {
+    return "instance_from_mask: expected CV_8UC1, found " + detail::type_text(full_mask);
+  });
+  Instance instance;
+  instance.class_name = class_name;
+  instance.score = score;
+  instance.box = mask_bounds(full_mask);
+  if (!instance.box.empty()) instance.mask = full_mask(instance.box) > 0;
+  return instance;
+}
+
+/// Throws Error unless every instance fits the picture as written at Instance. O(instances).
+inline void check_segmentation(const Segmentation& segmentation, cv::Size size) {
+  for (std::size_t i = 0; i < segmentation.instances.size(); ++i) {
+    const Instance& s = segmentation.instances[i];
+    const auto where = [&] { return "segmentation.instances[" + std::to_string(i) + "]"; };
+    detail::check((s.box & cv::Rect(cv::Point(), size)) == s.box && !s.box.empty(), [&] {
+      return where() + ".box: expected a non-empty box inside " + std::to_string(size.width) + "x" +
+             std::to_string(size.height) + ", found x " + std::to_string(s.box.x) + " y " +
+             std::to_string(s.box.y) + " width " + std::to_string(s.box.width) + " height " +
+             std::to_string(s.box.height);
+    });
+    detail::check(s.mask.empty() || (s.mask.type() == CV_8UC1 && s.mask.size() == s.box.size()),
+                  [&] {
+                    return where() + ".mask: expected CV_8UC1 of the box's size " +
+                           std::to_string(s.box.width) + "x" + std::to_string(s.box.height) +
+                           ", found " + detail::type_text(s.mask) + " " + detail::size_text(s.mask);
+                  });
+  }
+}
+
+}  // namespace stillpoint

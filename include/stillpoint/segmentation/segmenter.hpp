@@ -1,0 +1,21 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include "stillpoint/core/frame.hpp"
+#include "stillpoint/core/instance.hpp"
+
+namespace stillpoint {
+
+/// The seam to a network, a detector or a folder of masks.
+///
+/// Implement one function. Return `available = false` when there is no result for this frame;
+/// `available = true` with no instances when nobody is in view. Boxes lie inside the picture, masks
+/// are CV_8UC1 of their box's size with 255 = object (see Instance). It may throw: the front end
+/// goes on with predicted masks and says kSegmenterFailed. Called from one thread at a time.
+class Segmenter {
+ public:
+  virtual ~Segmenter() = default;
+  virtual Segmentation segment(const RgbdFrame& frame) = 0;
+};
+
+}  // namespace stillpoint
