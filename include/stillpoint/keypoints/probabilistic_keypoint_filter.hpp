@@ -1,0 +1,235 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <opencv2/core.hpp>
+#include <string>
+#include <vector>
+
+#include "stillpoint/core/error.hpp"
+#include "stillpoint/core/keypoint.hpp"
+#include "stillpoint/core/mask.hpp"
+#include "stillpoint/core/selection.hpp"
+#include "stillpoint/core/status.hpp"
+#include "stillpoint/keypoints/grid_neighbor_search.hpp"
+
+namespace stillpoint {
+
+/// Settings of ProbabilisticKeypointFilter (paper section 3.3).
+struct KeypointFilterSettings {
+  /// D: neighbors lie within this distance.
+  float radius_px = 20;
+  /// c1 and c2 of the weight `c1 exp(-c2 r)`, r in pixels.
+  float weight = 1;
+  float decay_per_px = 0.05f;
+  /// Theta: a keypoint with a larger probability is removed; equality counts as static.
+  float threshold = 0.2f;
+  /// Floor of kept keypoints: below it the least dynamic ones are kept too (kKeypointFloor). 0:
+  /// none.
+  int min_kept = 50;
+
+  /// The paper gives none of the four numbers; what is literal is that there is no floor.
+  static KeypointFilterSettings paper() {
+    KeypointFilterSettings settings;
+    settings.min_kept = 0;
+    return settings;
+  }
+};
+
+/// Removes keypoints that are probably dynamic (paper section 3.3).
+///
+/// Pre-define: P = 1 in the mask, else 0. Compute: for each keypoint outside the mask the mean over
+/// all other keypoints within D of `c1 exp(-c2 r) P`, clamped to [0, 1]; 0 without neighbors.
+/// Delete: P > theta. All sums are formed in whole numbers, so the result depends neither on the
+/// order of visiting nor on the neighbor search.
+///
+/// Cost: O(n) and one radius query per static keypoint that has a dynamic one near. No allocation
+/// once the largest number of keypoints was seen. Not thread-safe; one object per camera.
+template <class NeighborSearch = GridNeighborSearch>
+class ProbabilisticKeypointFilter {
+ public:
+  using Settings = KeypointFilterSettings;
+
+  explicit ProbabilisticKeypointFilter(const Settings& settings = {}) : settings_(settings) {
+    const auto positive = [](float value, const char* name) {
+      detail::check(std::isfinite(value) && value >= 0, [&] {
+        return std::string("KeypointFilterSettings.") + name +
+               ": expected a number of at least 0, found " + std::to_string(value);
+      });
+    };
+    positive(settings.radius_px, "radius_px");
+    positive(settings.weight, "weight");
+    positive(settings.decay_per_px, "decay_per_px");
+    positive(settings.threshold, "threshold");
+    detail::check(settings.min_kept >= 0, [&] {
+      return "KeypointFilterSettings.min_kept: expected at least 0, found " +
+             std::to_string(settings.min_kept);
+    });
+    // Weights by squared distance, in steps fine enough for a pixel's fraction near 0.
+    const double r2_max = static_cast<double>(settings.radius_px) * settings.radius_px;
+    table_scale_ = r2_max > 0 ? (kTableSize - 1) / r2_max : 0;
+    table_.resize(kTableSize);
+    for (int i = 0; i < kTableSize; ++i) {
+      const double r = table_scale_ > 0 ? std::sqrt(i / table_scale_) : 0;
+      table_[static_cast<std::size_t>(i)] = static_cast<std::int64_t>(
+          std::llround(kOne * settings.weight * std::exp(-settings.decay_per_px * r)));
+    }
+  }
+
+  const Settings& settings() const { return settings_; }
+
+  /// Judges each keypoint; `keypoints` is an array (size(), operator[]) of any type that
+  /// KeypointTraits can read, in raw pixels of the picture that the mask belongs to. An empty
+  /// `mask.image` means that nothing is dynamic. The reference stays valid until the next call.
+  template <class Keypoints>
+  const Selection& filter(const Keypoints& keypoints, const DynamicMask& mask) {
+    detail::check(mask.image.empty() || mask.image.type() == CV_8UC1, [] {
+      return std::string("filter: mask.image: expected CV_8UC1, 255 = dynamic");
+    });
+    predefine(keypoints, mask);
+    if (dynamic_count_ > 0) compute();
+    remove();
+    return selection_;
+  }
+
+  /// Bits of the last filter(): kNoKeypoints, kKeypointFloor.
+  std::uint32_t status() const { return status_; }
+
+ private:
+  static constexpr int kTableSize = 4096;
+  static constexpr double kOne = 1 << 24;
+
+  template <class Keypoints>
+  void predefine(const Keypoints& keypoints, const DynamicMask& mask) {
+    using Keypoint = std::decay_t<decltype(keypoints[0])>;
+    using Traits = KeypointTraits<Keypoint>;
+    const std::size_t n = keypoints.size();
+    selection_.clear();
+    selection_.probability.resize(n, 0.0f);
+    selection_.reason.resize(n, KeypointReason::kStatic);
+    points_.clear();
+    index_.clear();
+    dynamic_.clear();
+    dynamic_count_ = 0;
+    min_x_ = min_y_ = 1e9f, max_x_ = max_y_ = -1e9f;
+    const float right = mask.image.empty() ? 1e9f : static_cast<float>(mask.image.cols) - 0.5f;
+    const float bottom = mask.image.empty() ? 1e9f : static_cast<float>(mask.image.rows) - 0.5f;
+    for (std::size_t i = 0; i < n; ++i) {
+      const float x = Traits::x(keypoints[i]), y = Traits::y(keypoints[i]);
+      if (!(x >= -0.5f && y >= -0.5f && x < right && y < bottom)) {  // false for NaN, too
+        selection_.probability[i] = 1;
+        selection_.reason[i] = KeypointReason::kOutsidePicture;
+        continue;
+      }
+      const bool dynamic = mask.dynamic_at(x, y);
+      points_.emplace_back(x, y);
+      index_.push_back(static_cast<int>(i));
+      dynamic_.push_back(dynamic);
+      if (!dynamic) continue;
+      ++dynamic_count_;
+      selection_.probability[i] = 1;
+      selection_.reason[i] = KeypointReason::kInMask;
+      min_x_ = std::min(min_x_, x), max_x_ = std::max(max_x_, x);
+      min_y_ = std::min(min_y_, y), max_y_ = std::max(max_y_, y);
+    }
+  }
+
+  void compute() {
+    mark_near_cells();
+    search_.build(points_, settings_.radius_px);
+    for (std::size_t i = 0; i < points_.size(); ++i) {
+      if (dynamic_[i] || !near_dynamic(points_[i])) continue;
+      const cv::Point2f p = points_[i];
+      std::int64_t sum = 0, neighbors = 0;
+      search_.for_each_neighbor(p, [&](int k) {
+        const std::size_t j = static_cast<std::size_t>(k);
+        if (j == i) return;
+        ++neighbors;
+        if (!dynamic_[j]) return;
+        const double dx = static_cast<double>(p.x) - points_[j].x;
+        const double dy = static_cast<double>(p.y) - points_[j].y;
+        sum += table_[static_cast<std::size_t>((dx * dx + dy * dy) * table_scale_ + 0.5)];
+      });
+      if (neighbors == 0) continue;
+      const float probability = static_cast<float>(
+          std::min(1.0, static_cast<double>(sum) / (static_cast<double>(neighbors) * kOne)));
+      const std::size_t original = static_cast<std::size_t>(index_[i]);
+      selection_.probability[original] = probability;
+      if (probability > settings_.threshold)
+        selection_.reason[original] = KeypointReason::kProbable;
+    }
+  }
+
+  // A coarse picture of where dynamic keypoints are spares most static ones their query.
+  void mark_near_cells() {
+    const float radius = settings_.radius_px;
+    cell_ = std::max({radius, 8.0f, std::max(max_x_ - min_x_, max_y_ - min_y_) / 512});
+    columns_ = static_cast<int>((max_x_ - min_x_) / cell_) + 3;  // one cell of margin around
+    rows_ = static_cast<int>((max_y_ - min_y_) / cell_) + 3;
+    near_.assign(static_cast<std::size_t>(columns_) * rows_, 0);
+    for (std::size_t i = 0; i < points_.size(); ++i) {
+      if (!dynamic_[i]) continue;
+      const int cx = static_cast<int>((points_[i].x - min_x_) / cell_);
+      const int cy = static_cast<int>((points_[i].y - min_y_) / cell_);
+      for (int y = cy; y < cy + 3; ++y)
+        for (int x = cx; x < cx + 3; ++x) near_[static_cast<std::size_t>(y) * columns_ + x] = 1;
+    }
+  }
+
+  bool near_dynamic(const cv::Point2f& p) const {
+    const int x = static_cast<int>(std::floor((p.x - min_x_) / cell_)) + 1;
+    const int y = static_cast<int>(std::floor((p.y - min_y_) / cell_)) + 1;
+    return x >= 0 && y >= 0 && x < columns_ && y < rows_ &&
+           near_[static_cast<std::size_t>(y) * columns_ + x];
+  }
+
+  void remove() {
+    status_ = selection_.size() == 0 ? kNoKeypoints : kOk;
+    const std::size_t floor = static_cast<std::size_t>(settings_.min_kept);
+    for (std::size_t i = 0; i < selection_.size(); ++i)
+      if (selection_.reason[i] == KeypointReason::kStatic)
+        selection_.kept.push_back(static_cast<int>(i));
+    if (selection_.kept.size() >= floor || selection_.kept.size() == index_.size()) return;
+
+    status_ |= kKeypointFloor;
+    removed_.clear();
+    for (int i : index_)
+      if (!selection_.is_kept(static_cast<std::size_t>(i))) removed_.push_back(i);
+    const std::size_t wanted = std::min(removed_.size(), floor - selection_.kept.size());
+    const auto less_dynamic = [this](int a, int b) {
+      const float pa = selection_.probability[static_cast<std::size_t>(a)];
+      const float pb = selection_.probability[static_cast<std::size_t>(b)];
+      return pa != pb ? pa < pb : a < b;
+    };
+    std::partial_sort(removed_.begin(), removed_.begin() + static_cast<std::ptrdiff_t>(wanted),
+                      removed_.end(), less_dynamic);
+    for (std::size_t k = 0; k < wanted; ++k) {
+      selection_.reason[static_cast<std::size_t>(removed_[k])] = KeypointReason::kFloor;
+      selection_.kept.push_back(removed_[k]);
+    }
+    std::sort(selection_.kept.begin(), selection_.kept.end());
+  }
+
+  Settings settings_;
+  NeighborSearch search_;
+  std::vector<std::int64_t> table_;
+  double table_scale_ = 0;
+
+  Selection selection_;
+  std::uint32_t status_ = kOk;
+  std::vector<cv::Point2f> points_;  // inside the picture only
+  std::vector<int> index_;           // points_ -> the host's index
+  std::vector<std::uint8_t> dynamic_;
+  int dynamic_count_ = 0;
+  float min_x_ = 0, min_y_ = 0, max_x_ = 0, max_y_ = 0;  // of the dynamic ones
+
+  float cell_ = 1;
+  int columns_ = 0, rows_ = 0;
+  std::vector<std::uint8_t> near_;
+  std::vector<int> removed_;
+};
+
+}  // namespace stillpoint
