@@ -1,0 +1,92 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "stillpoint/core/random.hpp"
+
+namespace stillpoint {
+
+/// A plane in inverse depth: 1 / z = a x + b y + c with x = (u - cx) / fx, y = (v - cy) / fy.
+struct InversePlane {
+  float a = 0, b = 0, c = 0;
+  bool found = false;
+
+  /// Depth at which the ray (x, y, 1) meets the plane, metres; 0 if it does not.
+  float depth_m(float x, float y) const {
+    const float inverse = a * x + b * y + c;
+    return found && inverse > 1e-4f ? 1 / inverse : 0;
+  }
+};
+
+/// A depth sample for find_floor(): ray (x, y, 1) and inverse depth in 1/m.
+struct InverseSample {
+  float x, y, inverse;
+};
+
+/// Finds the floor among samples by RANSAC: the plane with most samples among those that face the
+/// camera from below (camera upright within about 50 degrees, 0.2 to 3 m above the floor).
+/// Deterministic for a seed. Cost: `trials` times samples.
+inline InversePlane find_floor(const std::vector<InverseSample>& samples, std::uint64_t seed,
+                               int trials = 24) {
+  InversePlane best;
+  const std::size_t n = samples.size();
+  if (n < 30) return best;
+  const auto tolerance = [](float inverse) { return 0.006f + 0.015f * inverse; };
+  RandomGenerator random(seed);
+  int best_count = static_cast<int>(n / 8);
+  for (int t = 0; t < trials; ++t) {
+    const InverseSample& p = samples[random.below(n)];
+    const InverseSample& q = samples[random.below(n)];
+    const InverseSample& r = samples[random.below(n)];
+    const float d1x = q.x - p.x, d1y = q.y - p.y, d2x = r.x - p.x, d2y = r.y - p.y;
+    const float det = d1x * d2y - d1y * d2x;
+    if (std::abs(det) < 0.01f) continue;
+    const float d1 = q.inverse - p.inverse, d2 = r.inverse - p.inverse;
+    InversePlane plane;
+    plane.a = (d1 * d2y - d2 * d1y) / det;
+    plane.b = (d2 * d1x - d1 * d2x) / det;
+    plane.c = p.inverse - plane.a * p.x - plane.b * p.y;
+    const float norm = std::sqrt(plane.a * plane.a + plane.b * plane.b + plane.c * plane.c);
+    // norm is one over the camera's height, b / norm the cosine between normal and image "down".
+    if (norm < 1 / 3.0f || norm > 1 / 0.2f || plane.b < 0.64f * norm) continue;
+    int count = 0;
+    for (const InverseSample& s : samples)
+      count += std::abs(plane.a * s.x + plane.b * s.y + plane.c - s.inverse) < tolerance(s.inverse);
+    if (count > best_count) best = plane, best_count = count, best.found = true;
+  }
+  if (!best.found) return best;
+  // One least-squares pass over the inliers takes out the noise of three samples.
+  double m[3][4] = {};
+  for (const InverseSample& s : samples) {
+    if (std::abs(best.a * s.x + best.b * s.y + best.c - s.inverse) >= tolerance(s.inverse))
+      continue;
+    const double row[3] = {s.x, s.y, 1};
+    for (int i = 0; i < 3; ++i) {
+      for (int j = 0; j < 3; ++j) m[i][j] += row[i] * row[j];
+      m[i][3] += row[i] * s.inverse;
+    }
+  }
+  for (int i = 0; i < 3; ++i) {
+    if (std::abs(m[i][i]) < 1e-9) return best;
+    for (int k = i + 1; k < 3; ++k) {
+      const double f = m[k][i] / m[i][i];
+      for (int j = i; j < 4; ++j) m[k][j] -= f * m[i][j];
+    }
+  }
+  double solution[3];
+  for (int i = 2; i >= 0; --i) {
+    double s = m[i][3];
+    for (int j = i + 1; j < 3; ++j) s -= m[i][j] * solution[j];
+    solution[i] = s / m[i][i];
+  }
+  best.a = static_cast<float>(solution[0]);
+  best.b = static_cast<float>(solution[1]);
+  best.c = static_cast<float>(solution[2]);
+  return best;
+}
+
+}  // namespace stillpoint
