@@ -1,7 +1,11 @@
-# Private helpers of this project's own build.
+# Private helpers of this project's own build. Nothing here reaches a consumer.
 
-# An INTERFACE target `name` with alias stillpoint::<alias or name> over include/ (and, for a back
-# end, its own include folder `include_dir`).
+set(STILLPOINT_FIND_DIR ${CMAKE_CURRENT_LIST_DIR})
+include(${CMAKE_CURRENT_LIST_DIR}/StillpointFind.cmake)
+
+# An INTERFACE target `name` with alias stillpoint::<name without stillpoint_> over include/ or, for
+# a back end, over its own include folder `include_dir`. It becomes a find_package component of that
+# name (the target `stillpoint` itself: component `core`).
 function(stillpoint_interface_target name include_dir)
   add_library(${name} INTERFACE)
   string(REGEX REPLACE "^stillpoint_" "" export_name ${name})
@@ -14,7 +18,36 @@ function(stillpoint_interface_target name include_dir)
   target_include_directories(${name} INTERFACE $<BUILD_INTERFACE:${include_dir}>
                                                $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}>)
   set_property(GLOBAL APPEND PROPERTY STILLPOINT_INSTALL_TARGETS ${name})
+  set_property(GLOBAL APPEND PROPERTY STILLPOINT_INSTALL_INCLUDE_DIRS ${include_dir})
 endfunction()
+
+# Finds a dependency of `component` (arguments: see stillpoint_find) and remembers it for the
+# installed package. If it is missing, sets <found> to OFF and says which Debian package brings it;
+# the caller returns. A component that was asked for in STILLPOINT_BACKENDS must have it.
+#
+#     stillpoint_dependency(found flann PACKAGE flann TARGETS flann::flann DEBIAN libflann-dev)
+#     if(NOT found)
+#       return()
+#     endif()
+macro(stillpoint_dependency found component)
+  stillpoint_find(${found} ${component} ${ARGN})
+  string(REPLACE ";" " " _stillpoint_arguments "${ARGN}")
+  set_property(GLOBAL APPEND_STRING PROPERTY STILLPOINT_DEPENDENCIES_${component}
+    "if(_stillpoint_problem STREQUAL \"\")
+  stillpoint_find(_stillpoint_found ${component} ${_stillpoint_arguments})
+  set(_stillpoint_problem \"\${_stillpoint_found_MESSAGE}\")
+endif()
+")
+  if(NOT ${found})
+    set_property(GLOBAL APPEND PROPERTY STILLPOINT_MISSING_COMPONENTS ${component})
+    set_property(GLOBAL PROPERTY STILLPOINT_MISSING_${component} "${${found}_MESSAGE}")
+    if("${component}" IN_LIST STILLPOINT_BACKENDS)
+      message(FATAL_ERROR "stillpoint: ${${found}_MESSAGE}")
+    else()
+      message(STATUS "stillpoint: left out: ${${found}_MESSAGE}")
+    endif()
+  endif()
+endmacro()
 
 # Warnings for the project's own programs only; never reaches a consumer.
 function(stillpoint_private_warnings target)
@@ -22,4 +55,24 @@ function(stillpoint_private_warnings target)
   if(STILLPOINT_WERROR)
     target_compile_options(${target} PRIVATE -Werror)
   endif()
+endfunction()
+
+# A program of the project's own GoogleTest tests over `sources`, linked with the targets in ARGN;
+# each test becomes one of ctest's. Does nothing when tests are off.
+function(stillpoint_test_program name sources)
+  if(NOT STILLPOINT_BUILD_TESTS)
+    return()
+  endif()
+  add_executable(${name} ${sources})
+  target_link_libraries(${name} PRIVATE ${ARGN} GTest::gtest_main)
+  target_compile_definitions(${name} PRIVATE
+    STILLPOINT_SHARED_DATA="${PROJECT_SOURCE_DIR}/../shared/data")
+  stillpoint_private_warnings(${name})
+  gtest_discover_tests(${name} DISCOVERY_TIMEOUT 60)
+endfunction()
+
+# The test of the back end whose CMakeLists.txt calls it: test.cpp of that folder.
+function(stillpoint_backend_test name)
+  stillpoint_test_program(stillpoint_${name}_test ${CMAKE_CURRENT_SOURCE_DIR}/test.cpp
+                          stillpoint::${name} ${ARGN})
 endfunction()
