@@ -28,20 +28,33 @@ struct InverseSample {
 };
 
 /// Finds the floor among samples by RANSAC: the plane with most samples among those that face the
-/// camera from below (camera upright within about 50 degrees, 0.2 to 3 m above the floor).
-/// Deterministic for a seed. Cost: `trials` times samples.
-inline InversePlane find_floor(const std::vector<InverseSample>& samples, std::uint64_t seed,
-                               int trials = 24) {
+/// camera from below (camera upright within about 50 degrees, 0.2 to 3 m above the floor). `last`,
+/// the floor of the last frame, is the first candidate. Deterministic for a seed. Cost: `trials`
+/// times samples.
+inline InversePlane find_floor(const std::vector<InverseSample>& samples, const InversePlane& last,
+                               std::uint64_t seed, int trials = 64) {
   InversePlane best;
   const std::size_t n = samples.size();
   if (n < 30) return best;
   const auto tolerance = [](float inverse) { return 0.006f + 0.015f * inverse; };
   RandomGenerator random(seed);
   int best_count = static_cast<int>(n / 8);
+  const auto consider = [&](const InversePlane& plane) {
+    const float norm = std::sqrt(plane.a * plane.a + plane.b * plane.b + plane.c * plane.c);
+    // norm is one over the camera's height, b / norm the cosine between normal and image "down".
+    if (!(norm > 1 / 3.0f && norm < 1 / 0.2f && plane.b > 0.64f * norm)) return;
+    int count = 0;
+    for (const InverseSample& s : samples)
+      count += std::abs(plane.a * s.x + plane.b * s.y + plane.c - s.inverse) < tolerance(s.inverse);
+    if (count > best_count) best = plane, best_count = count, best.found = true;
+  };
+  if (last.found) consider(last);
+  // Most of the floor is in the lower half, and samples come in rows from the top.
+  const std::size_t half = n / 2;
   for (int t = 0; t < trials; ++t) {
-    const InverseSample& p = samples[random.below(n)];
-    const InverseSample& q = samples[random.below(n)];
-    const InverseSample& r = samples[random.below(n)];
+    const InverseSample& p = samples[half + random.below(n - half)];
+    const InverseSample& q = samples[half + random.below(n - half)];
+    const InverseSample& r = samples[half + random.below(n - half)];
     const float d1x = q.x - p.x, d1y = q.y - p.y, d2x = r.x - p.x, d2y = r.y - p.y;
     const float det = d1x * d2y - d1y * d2x;
     if (std::abs(det) < 0.01f) continue;
@@ -50,13 +63,7 @@ inline InversePlane find_floor(const std::vector<InverseSample>& samples, std::u
     plane.a = (d1 * d2y - d2 * d1y) / det;
     plane.b = (d2 * d1x - d1 * d2x) / det;
     plane.c = p.inverse - plane.a * p.x - plane.b * p.y;
-    const float norm = std::sqrt(plane.a * plane.a + plane.b * plane.b + plane.c * plane.c);
-    // norm is one over the camera's height, b / norm the cosine between normal and image "down".
-    if (norm < 1 / 3.0f || norm > 1 / 0.2f || plane.b < 0.64f * norm) continue;
-    int count = 0;
-    for (const InverseSample& s : samples)
-      count += std::abs(plane.a * s.x + plane.b * s.y + plane.c - s.inverse) < tolerance(s.inverse);
-    if (count > best_count) best = plane, best_count = count, best.found = true;
+    consider(plane);
   }
   if (!best.found) return best;
   // One least-squares pass over the inliers takes out the noise of three samples.

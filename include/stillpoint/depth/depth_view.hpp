@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <cmath>
+#include <cstdint>
+#include <opencv2/core.hpp>
+
+#include "stillpoint/core/camera.hpp"
+#include "stillpoint/core/frame.hpp"
+
+namespace stillpoint {
+
+/// The depth of a frame as the depth stages read it: 16-bit units, 0 = no measurement, with the
+/// rays of the camera. 16-bit pictures are not copied; CV_32FC1 is turned into millimetres once.
+class DepthView {
+ public:
+  /// Refers to the frame's data, which must outlive the view. O(1) for 16-bit depth, O(pixels) for
+  /// 32F.
+  void set(const RgbdFrame& frame, const Camera& camera) {
+    const cv::Size size = frame.depth.size();
+    fx_ = static_cast<float>(camera.valid() ? camera.fx : 0.9 * size.width);
+    fy_ = static_cast<float>(camera.valid() ? camera.fy : 0.9 * size.width);
+    cx_ = static_cast<float>(camera.valid() ? camera.cx : 0.5 * (size.width - 1));
+    cy_ = static_cast<float>(camera.valid() ? camera.cy : 0.5 * (size.height - 1));
+    if (frame.depth.depth() == CV_16U) {
+      image_ = frame.depth;
+      metres_per_unit_ = metres_per_unit(frame);
+      return;
+    }
+    metres_per_unit_ = 0.001f;
+    converted_.create(size, CV_16UC1);
+    for (int y = 0; y < size.height; ++y) {
+      const float* in = frame.depth.ptr<float>(y);
+      std::uint16_t* out = converted_.ptr<std::uint16_t>(y);
+      // The comparison is false for NaN and infinity, too.
+      for (int x = 0; x < size.width; ++x)
+        out[x] = in[x] > 0 && in[x] < 65.0f
+                     ? static_cast<std::uint16_t>(static_cast<int>(in[x] * 1000.0f + 0.5f))
+                     : std::uint16_t{0};
+    }
+    image_ = converted_;
+  }
+
+  const std::uint16_t* row(int y) const { return image_.ptr<std::uint16_t>(y); }
+  cv::Size size() const { return image_.size(); }
+  float metres_per_unit_value() const { return metres_per_unit_; }
+  float to_m(std::uint16_t units) const { return units * metres_per_unit_; }
+  /// Nearest unit of a depth in metres, clamped to 16 bits.
+  int to_units(float metres) const {
+    const float units = metres / metres_per_unit_ + 0.5f;
+    return units < 0 ? 0 : units > 65535 ? 65535 : static_cast<int>(units);
+  }
+  float focal_px() const { return fx_; }
+  float ray_x(float u) const { return (u - cx_) / fx_; }
+  float ray_y(float v) const { return (v - cy_) / fy_; }
+
+ private:
+  cv::Mat image_, converted_;
+  float metres_per_unit_ = 1;
+  float fx_ = 1, fy_ = 1, cx_ = 0, cy_ = 0;
+};
+
+}  // namespace stillpoint
