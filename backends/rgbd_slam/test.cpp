@@ -1,0 +1,224 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <opencv2/imgproc.hpp>
+
+#include "stillpoint/backends/rgbd_slam/odometry.hpp"
+#include "test_scene.hpp"
+
+namespace {
+
+using namespace stillpoint;
+using namespace stillpoint::rgbd_slam;
+
+TEST(Descriptor, CountsDifferingBits) {
+  Descriptor a{}, b{};
+  EXPECT_EQ(hamming_distance(a, b), 0);
+  b = {~0ull, ~0ull, ~0ull, ~0ull};
+  EXPECT_EQ(hamming_distance(a, b), 256);
+  a = {1, 2, 4, 8}, b = {0, 2, 5, 0};
+  EXPECT_EQ(hamming_distance(a, b), 3);
+}
+
+TEST(Descriptor, RefusesRowsOfAnotherLength) {
+  EXPECT_THROW(descriptors_from_rows(cv::Mat::zeros(3, 16, CV_8UC1)), Error);
+  EXPECT_TRUE(descriptors_from_rows(cv::Mat()).empty());
+}
+
+TEST(Spread, KeepsTheStrongestOfEvenCells) {
+  std::vector<cv::KeyPoint> keypoints;
+  // A dense clump on the left, single points on the right.
+  for (int i = 0; i < 400; ++i)
+    keypoints.emplace_back(static_cast<float>(i % 20), static_cast<float>(i / 20), 1.0f, -1.0f,
+                           static_cast<float>(100 + i));
+  for (int i = 0; i < 8; ++i)
+    keypoints.emplace_back(200.0f + 50 * static_cast<float>(i % 4),
+                           static_cast<float>(50 + 100 * (i / 4)), 1.0f, -1.0f, 1.0f);
+  spread(keypoints, 20, cv::Size(400, 200));
+  ASSERT_EQ(keypoints.size(), 20u);
+  int right = 0;
+  for (const cv::KeyPoint& k : keypoints) right += k.pt.x >= 200;
+  EXPECT_EQ(right, 8);
+  spread(keypoints, 0, cv::Size(400, 200));
+  EXPECT_TRUE(keypoints.empty());
+}
+
+TEST(OrbExtractor, SpendsTheWholeBudgetOutsideTheMask) {
+  const RgbdFrame frame = test_scene::render(Eigen::Isometry3d::Identity(), 0);
+  OrbExtractor::Settings settings;
+  settings.features = 400;
+  OrbExtractor extractor(settings);
+  Features all, masked, again;
+  extractor.extract(frame.color, cv::Mat(), all);
+  EXPECT_NEAR(static_cast<double>(all.keypoints.size()), 400, 8);
+  EXPECT_EQ(all.keypoints.size(), all.descriptors.size());
+  cv::Mat mask = cv::Mat::zeros(frame.color.size(), CV_8UC1);
+  mask.colRange(0, 160) = 255;
+  extractor.extract(frame.color, mask, masked);
+  EXPECT_GT(masked.keypoints.size(), 300u);
+  int octaves = 0;
+  for (const cv::KeyPoint& k : masked.keypoints) {
+    EXPECT_GT(k.pt.x, 160 + settings.mask_margin_px - 1);
+    octaves = std::max(octaves, k.octave);
+  }
+  EXPECT_GE(octaves, 4);
+  extractor.extract(frame.color, mask, again);
+  EXPECT_EQ(again.descriptors, masked.descriptors);
+  extractor.extract(frame.color, cv::Mat(frame.color.size(), CV_8UC1, cv::Scalar(255)), again);
+  EXPECT_TRUE(again.keypoints.empty());
+}
+
+TEST(OrbExtractor, SurvivesTinyAndRefusesWrongPictures) {
+  OrbExtractor extractor;
+  Features features;
+  extractor.extract(cv::Mat::zeros(20, 20, CV_8UC1), cv::Mat(), features);
+  EXPECT_TRUE(features.keypoints.empty());
+  EXPECT_THROW(extractor.extract(cv::Mat::zeros(48, 64, CV_8UC3), cv::Mat(), features), Error);
+  EXPECT_THROW(
+      extractor.extract(cv::Mat::zeros(48, 64, CV_8UC1), cv::Mat::zeros(4, 4, CV_8UC1), features),
+      Error);
+  OrbExtractor::Settings bad;
+  bad.scale_factor = 1;
+  EXPECT_THROW(OrbExtractor{bad}, Error);
+}
+
+std::vector<PoseObservation> observations_of(const Camera& camera, const Eigen::Isometry3d& T,
+                                             int n) {
+  std::vector<PoseObservation> observations;
+  for (int i = 0; i < n; ++i) {
+    const auto random = [&](int k) {
+      return test_scene::mix(static_cast<std::uint32_t>(i * 3 + k)) / 4294967296.0;
+    };
+    const double z = 1 + 3 * random(2);
+    const Eigen::Vector2d pixel(320 * random(0), 240 * random(1));
+    PoseObservation o;
+    o.pixel = pixel;
+    o.inverse_depth = i % 3 ? 1 / z : 0;
+    o.point = T.inverse() * camera.unproject(pixel.x(), pixel.y(), z);
+    observations.push_back(o);
+  }
+  return observations;
+}
+
+Eigen::Isometry3d some_pose() {
+  Eigen::Matrix<double, 6, 1> x;
+  x << 0.3, -0.2, 0.5, 0.2, -0.3, 0.1;
+  return se3_exp(x);
+}
+
+TEST(PoseOptimizer, FindsThePoseAndTheOutliers) {
+  const Camera camera = test_scene::camera();
+  const Eigen::Isometry3d truth = some_pose();
+  auto observations = observations_of(camera, truth, 120);
+  for (std::size_t i = 0; i < 24; ++i) observations[i].pixel.x() += 30 + static_cast<double>(i);
+  Eigen::Matrix<double, 6, 1> off;
+  off << 0.03, -0.02, 0.02, 0.02, 0.03, -0.02;
+  Eigen::Isometry3d T = se3_exp(off) * truth;
+  EXPECT_EQ(optimize_pose(camera, NoiseModel(), observations, T), 96);
+  EXPECT_TRUE(T.isApprox(truth, 1e-6));
+  for (std::size_t i = 0; i < 24; ++i) EXPECT_FALSE(observations[i].inlier);
+}
+
+TEST(PoseOptimizer, DropsADepthThatDisagreesButKeepsThePixel) {
+  const Camera camera = test_scene::camera();
+  const Eigen::Isometry3d truth = some_pose();
+  auto observations = observations_of(camera, truth, 60);
+  observations[1].inverse_depth += 0.02;
+  Eigen::Isometry3d T = truth;
+  optimize_pose(camera, NoiseModel(), observations, T);
+  EXPECT_TRUE(T.isApprox(truth, 1e-4));
+  EXPECT_TRUE(observations[1].inlier);
+  EXPECT_FALSE(observations[1].depth_inlier);
+}
+
+TEST(PnpRansac, FindsThePoseWithoutAGuess) {
+  const Camera camera = test_scene::camera();
+  const Eigen::Isometry3d truth = some_pose();
+  auto observations = observations_of(camera, truth, 90);
+  for (std::size_t i = 0; i < 45; ++i) observations[i].pixel = {7.0 * static_cast<double>(i), 90};
+  const auto T = solve_pnp_ransac(camera, NoiseModel(), observations, 20);
+  ASSERT_TRUE(T.has_value());
+  EXPECT_TRUE(T->isApprox(truth, 1e-4));
+  observations.resize(3);
+  EXPECT_FALSE(solve_pnp_ransac(camera, NoiseModel(), observations, 20).has_value());
+}
+
+RgbdOdometry::Settings small_settings() {
+  RgbdOdometry::Settings settings;
+  settings.features.features = 500;
+  return settings;
+}
+
+std::optional<Eigen::Isometry3d> feed(Tracker& tracker, const RgbdFrame& frame,
+                                      const DynamicMask& mask = {}) {
+  const std::size_t n = tracker.extract(frame, mask).size();
+  return tracker.track(frame, mask, test_scene::keep_all(n));
+}
+
+TEST(RgbdOdometry, FollowsACamera) {
+  RgbdOdometry tracker(test_scene::camera(), small_settings());
+  const Eigen::Isometry3d origin = test_scene::path(0).inverse();
+  for (int step = 0; step < 40; ++step) {
+    const Eigen::Isometry3d truth = origin * test_scene::path(3 * step);
+    const auto T = feed(tracker, test_scene::render(test_scene::path(3 * step), step * 0.1));
+    ASSERT_TRUE(T.has_value()) << step;
+    EXPECT_LT((T->translation() - truth.translation()).norm(), 0.02) << step;
+    EXPECT_LT(Eigen::AngleAxisd(T->linear().transpose() * truth.linear()).angle(), 0.01) << step;
+  }
+  EXPECT_EQ(tracker.trajectory().size(), 40u);
+  ASSERT_TRUE(tracker.predicted_motion().has_value());
+}
+
+TEST(RgbdOdometry, SaysThatItIsLostAndRecoversInTheSameFrameOfReference) {
+  RgbdOdometry tracker(test_scene::camera(), small_settings());
+  for (int step = 0; step < 10; ++step)
+    ASSERT_TRUE(feed(tracker, test_scene::render(test_scene::path(3 * step), step * 0.1)));
+  RgbdFrame black = test_scene::render(test_scene::path(0), 1.0);
+  black.color.setTo(0);
+  EXPECT_FALSE(feed(tracker, black).has_value());
+  EXPECT_FALSE(tracker.predicted_motion().has_value());
+  const Eigen::Isometry3d truth = test_scene::path(0).inverse() * test_scene::path(6);
+  const auto T = feed(tracker, test_scene::render(test_scene::path(6), 1.1));
+  ASSERT_TRUE(T.has_value());
+  EXPECT_TRUE(tracker.stats().recovered);
+  EXPECT_LT((T->translation() - truth.translation()).norm(), 0.02);
+  EXPECT_EQ(tracker.trajectory().size(), 11u);
+}
+
+TEST(RgbdOdometry, TracksWithoutDepthOnceStarted) {
+  RgbdOdometry tracker(test_scene::camera(), small_settings());
+  RgbdFrame blind = test_scene::render(test_scene::path(0), 0);
+  blind.depth.setTo(0);
+  EXPECT_FALSE(feed(tracker, blind).has_value());
+  EXPECT_TRUE(feed(tracker, test_scene::render(test_scene::path(0), 0.1)).has_value());
+  blind = test_scene::render(test_scene::path(3), 0.2);
+  blind.depth.release();
+  const auto T = feed(tracker, blind);
+  ASSERT_TRUE(T.has_value());
+  const Eigen::Isometry3d truth = test_scene::path(0).inverse() * test_scene::path(3);
+  EXPECT_LT((T->translation() - truth.translation()).norm(), 0.02);
+}
+
+TEST(RgbdOdometry, IsDeterministic) {
+  Trajectory first;
+  for (int run = 0; run < 2; ++run) {
+    RgbdOdometry tracker(test_scene::camera(), small_settings());
+    for (int step = 0; step < 8; ++step)
+      feed(tracker, test_scene::render(test_scene::path(5 * step), step * 0.1));
+    if (run == 0) first = tracker.trajectory();
+    ASSERT_EQ(tracker.trajectory().size(), first.size());
+    for (std::size_t i = 0; i < first.size(); ++i)
+      EXPECT_EQ(tracker.trajectory()[i].T_world_camera.matrix(), first[i].T_world_camera.matrix());
+  }
+}
+
+TEST(RgbdOdometry, RefusesASelectionOfOtherKeypoints) {
+  RgbdOdometry tracker(test_scene::camera(), small_settings());
+  const RgbdFrame frame = test_scene::render(test_scene::path(0), 0);
+  tracker.extract(frame, DynamicMask());
+  EXPECT_THROW(tracker.track(frame, DynamicMask(), test_scene::keep_all(3)), Error);
+  EXPECT_THROW(RgbdOdometry{Camera()}, Error);
+}
+
+}  // namespace
