@@ -1,0 +1,56 @@
+# shellcheck shell=bash disable=SC2034  # The variables are for the scripts that source this.
+# Sourced by the other scripts; needs bash. The one list of Debian packages is here.
+
+root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
+jobs=$(nproc)
+
+# What the command line needs, and what the tests and benchmarks need on top.
+packages_build=(cmake g++ ninja-build pkg-config libeigen3-dev libopencv-dev libflann-dev
+                libnanoflann-dev libceres-dev libyaml-cpp-dev nlohmann-json3-dev libcli11-dev)
+packages_test=("${packages_build[@]}" ccache clang libgtest-dev libbenchmark-dev)
+
+# Prints which of the given Debian packages are not installed.
+missing_packages() {
+  local package
+  for package in "$@"; do
+    dpkg-query -W -f '${db:Status-Status}\n' "$package" 2>/dev/null | grep -qx installed ||
+      echo "$package"
+  done
+}
+
+# Installs the given Debian packages that are missing; calls apt only if there are some.
+install_packages() {
+  if ! command -v dpkg-query >/dev/null; then
+    echo "Not a Debian or Ubuntu machine: please see to these yourself: $*" >&2
+    return
+  fi
+  local missing sudo=()
+  mapfile -t missing < <(missing_packages "$@")
+  if ((${#missing[@]} == 0)); then
+    return
+  fi
+  echo "Installing ${missing[*]}" >&2
+  if ((EUID != 0)); then
+    if ! command -v sudo >/dev/null; then
+      echo "Not root, and no sudo: as root run 'apt-get install ${missing[*]}', then try again" >&2
+      return 1
+    fi
+    sudo=(sudo)
+  fi
+  local apt=("${sudo[@]}" env DEBIAN_FRONTEND=noninteractive apt-get -qq -o Acquire::Retries=3)
+  "${apt[@]}" update >&2
+  "${apt[@]}" install -y --no-install-recommends "${missing[@]}" >&2
+}
+
+# Arguments for cmake: ninja and ccache where they are.
+configure_arguments() {
+  if command -v ninja >/dev/null; then
+    echo -G Ninja
+  fi
+  if command -v ccache >/dev/null; then
+    echo -DCMAKE_CXX_COMPILER_LAUNCHER=ccache
+  fi
+}
+
+# Lets ccache keep objects that use a precompiled header.
+export CCACHE_SLOPPINESS=${CCACHE_SLOPPINESS:-pch_defines,time_macros}
