@@ -45,17 +45,18 @@ class DepthMaskFuser {
 
   const Settings& settings() const { return settings_; }
 
-  /// Fuses one frame. Without depth the mask is the union of the instances' masks (of their boxes,
-  /// where they have none), and status() says kNoDepth. Throws Error if instances do not fit the
-  /// picture.
-  const DynamicMask& fuse(const RgbdFrame& frame, const Segmentation& segmentation) {
+  /// Fuses one frame. Without depth, or with `use_depth` false, the mask is the union of the
+  /// instances' masks (of their boxes, where they have none), and status() says kNoDepth. Throws
+  /// Error if instances do not fit the picture.
+  const DynamicMask& fuse(const RgbdFrame& frame, const Segmentation& segmentation,
+                          bool use_depth = true) {
     check_frame(frame);
     const cv::Size size = frame.color.size();
     check_segmentation(segmentation, size);
     begin(frame);
     const std::size_t n = segmentation.instances.size();
-    const bool has_depth = !frame.depth.empty();
-    status_ = has_depth || n == 0 ? kOk : kNoDepth;
+    const bool has_depth = use_depth && !frame.depth.empty();
+    status_ = frame.depth.empty() ? kNoDepth : kOk;
     if (has_depth) {
       depth_.set(frame, camera_);
       region_.begin_frame(depth_, segmentation.instances);
@@ -79,6 +80,15 @@ class DepthMaskFuser {
   /// The instances of the last fuse() with their new masks (before dilation), in the order given.
   /// Their masks are overwritten by the next fuse().
   const std::vector<Instance>& instances() const { return fused_; }
+  /// Share of the picture that the dilated mask of the last fuse() covers. O(pixels of the
+  /// regions).
+  double mask_share() const {
+    cv::Rect all;
+    for (const cv::Rect& r : regions_) all |= r;
+    if (all.empty()) return 0;
+    all = grow_rect(all, settings_.dilation_px, mask_.image.size());
+    return cv::countNonZero(mask_.image(all)) / static_cast<double>(mask_.image.total());
+  }
   /// kNoDepth or kOk, of the last fuse().
   std::uint32_t status() const { return status_; }
 

@@ -83,14 +83,16 @@ class ProbabilisticKeypointFilter {
 
   /// Judges each keypoint; `keypoints` is an array (size(), operator[]) of any type that
   /// KeypointTraits can read, in raw pixels of the picture that the mask belongs to. An empty
-  /// `mask.image` means that nothing is dynamic. The reference stays valid until the next call.
+  /// `mask.image` means that nothing is dynamic. `compute_probability` false: the mask alone
+  /// decides (the paper's ablation). The reference stays valid until the next call.
   template <class Keypoints>
-  const Selection& filter(const Keypoints& keypoints, const DynamicMask& mask) {
+  const Selection& filter(const Keypoints& keypoints, const DynamicMask& mask,
+                          bool compute_probability = true) {
     detail::check(mask.image.empty() || mask.image.type() == CV_8UC1, [] {
       return std::string("filter: mask.image: expected CV_8UC1, 255 = dynamic");
     });
     predefine(keypoints, mask);
-    if (dynamic_count_ > 0) compute();
+    if (compute_probability && dynamic_count_ > 0) compute();
     remove();
     return selection_;
   }

@@ -1,0 +1,241 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <chrono>
+#include <cstdint>
+#include <exception>
+#include <opencv2/core.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "stillpoint/core/camera.hpp"
+#include "stillpoint/core/frame.hpp"
+#include "stillpoint/core/instance.hpp"
+#include "stillpoint/core/mask.hpp"
+#include "stillpoint/core/selection.hpp"
+#include "stillpoint/core/status.hpp"
+#include "stillpoint/depth/depth_mask_fuser.hpp"
+#include "stillpoint/keypoints/grid_neighbor_search.hpp"
+#include "stillpoint/keypoints/probabilistic_keypoint_filter.hpp"
+#include "stillpoint/segmentation/segmentation_compensator.hpp"
+#include "stillpoint/segmentation/segmenter.hpp"
+
+namespace stillpoint {
+
+/// Settings of FrontEnd: those of its components, and which of them run (the paper's ablation).
+struct FrontEndSettings {
+  SegmentationCompensatorSettings compensation;
+  DepthMaskFuserSettings depth;
+  KeypointFilterSettings probability;
+  bool use_compensation = true;
+  bool use_depth = true;
+  bool use_probability = true;
+  /// Instances of other classes are taken for static. Objects without a class are always dynamic.
+  std::vector<std::string> dynamic_classes{"person"};
+  /// A mask over this share of the picture is reported as kMaskTooLarge (and still used: the floor
+  /// of kept keypoints protects the tracker).
+  double large_mask_share = 0.9;
+
+  /// The literal method of the paper, for ablation and reproduction.
+  static FrontEndSettings paper() {
+    FrontEndSettings settings;
+    settings.compensation = SegmentationCompensatorSettings::paper();
+    settings.depth = DepthMaskFuserSettings::paper();
+    settings.probability = KeypointFilterSettings::paper();
+    return settings;
+  }
+};
+
+/// What the front end did with one frame.
+struct FrameStats {
+  double timestamp = 0;
+  /// FrameStatus bits.
+  std::uint32_t status = kOk;
+  /// Message of the exception that the segmenter threw; empty if it did not.
+  std::string segmenter_error;
+  double segmentation_ms = 0, compensation_ms = 0, depth_ms = 0, probability_ms = 0;
+  /// Instances of dynamic classes after compensation, and how many of them were restored.
+  int instances = 0, restored = 0;
+  /// Share of the picture in the final mask, 0 to 1.
+  double mask_share = 0;
+  /// Age of the newest segmentation in the mask, seconds.
+  double mask_age_s = 0;
+  int keypoints = 0, kept = 0;
+};
+
+/// The paper's Figure 2 in a row: segmenter, missed-segmentation compensation (3.1), depth-semantic
+/// fusion (3.2), probability-based keypoint filter (3.3).
+///
+/// Two calls per frame: compute_mask(), then select() on the host's keypoints. Without a segmenter
+/// the caller brings the segmentation. Not thread-safe; one object per camera. After the first few
+/// frames it does not allocate.
+template <class NeighborSearch = GridNeighborSearch>
+class BasicFrontEnd {
+ public:
+  using Settings = FrontEndSettings;
+
+  /// `camera` may be left out (see DepthMaskFuser and SegmentationCompensator); `segmenter` is not
+  /// owned and may be null.
+  explicit BasicFrontEnd(const Settings& settings = {}, const Camera& camera = {},
+                         Segmenter* segmenter = nullptr)
+      : settings_(settings),
+        segmenter_(segmenter),
+        compensator_(settings.compensation, camera),
+        fuser_(settings.depth, camera),
+        filter_(settings.probability) {}
+
+  const Settings& settings() const { return settings_; }
+
+  /// Asks the segmenter, then computes the frame's dynamic mask. A segmenter that throws counts as
+  /// one without a result. `T_current_last` maps points of the last frame's camera into this one's,
+  /// if the host can predict it.
+  const DynamicMask& compute_mask(
+      const RgbdFrame& frame,
+      const std::optional<Eigen::Isometry3d>& T_current_last = std::nullopt) {
+    const Clock::time_point start = Clock::now();
+    stats_.segmenter_error.clear();
+    std::uint32_t failed = kOk;
+    if (segmenter_) {
+      try {
+        segmented_ = segmenter_->segment(frame);
+        check_segmentation(segmented_, frame.color.size());
+      } catch (const std::exception& error) {
+        segmented_ = Segmentation();
+        stats_.segmenter_error = error.what();
+        failed = kSegmenterFailed;
+      }
+    } else {
+      segmented_ = Segmentation();
+    }
+    const double ms = milliseconds_since(start);
+    process(frame, segmented_, T_current_last);
+    stats_.segmentation_ms = ms;
+    stats_.status |= failed;
+    return mask();
+  }
+
+  /// The same with a segmentation that the caller brings. Throws Error if it does not fit the
+  /// frame.
+  const DynamicMask& compute_mask(
+      const RgbdFrame& frame, const Segmentation& segmentation,
+      const std::optional<Eigen::Isometry3d>& T_current_last = std::nullopt) {
+    stats_.segmenter_error.clear();
+    stats_.segmentation_ms = 0;
+    process(frame, segmentation, T_current_last);
+    return mask();
+  }
+
+  /// Judges the host's keypoints against the last mask; see ProbabilisticKeypointFilter::filter().
+  template <class Keypoints>
+  const Selection& select(const Keypoints& keypoints) {
+    const Clock::time_point start = Clock::now();
+    const Selection& selection = filter_.filter(keypoints, mask(), settings_.use_probability);
+    stats_.probability_ms = milliseconds_since(start);
+    stats_.status |= filter_.status();
+    stats_.keypoints = static_cast<int>(selection.size());
+    stats_.kept = static_cast<int>(selection.kept.size());
+    return selection;
+  }
+
+  /// The dynamic mask of the last frame.
+  const DynamicMask& mask() const { return mask_; }
+  /// Union of the segmenter's own masks of dynamic classes, H x W, CV_8UC1, 255 = dynamic.
+  /// O(pixels); for evaluation and pictures.
+  cv::Mat raw_mask() const {
+    cv::Mat raw = cv::Mat::zeros(mask_.image.size(), CV_8UC1);
+    for (const Instance& s : raw_instances_) {
+      cv::Mat part = raw(s.box);
+      if (s.mask.empty())
+        part.setTo(255);
+      else
+        part.setTo(255, s.mask);
+    }
+    return raw;
+  }
+  /// The mask after compensation and depth fusion, before dilation.
+  const cv::Mat& undilated_mask() const { return fuser_.undilated(); }
+  /// The objects of the last frame with their final masks, before dilation.
+  const std::vector<Instance>& instances() const { return fuser_.instances(); }
+  /// What was done with the last frame.
+  const FrameStats& stats() const { return stats_; }
+
+ private:
+  using Clock = std::chrono::steady_clock;
+
+  static double milliseconds_since(Clock::time_point start) {
+    return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
+  }
+
+  void process(const RgbdFrame& frame, const Segmentation& segmentation,
+               const std::optional<Eigen::Isometry3d>& T_current_last) {
+    check_frame(frame);
+    check_segmentation(segmentation, frame.color.size());
+    keep_dynamic(segmentation);
+
+    Clock::time_point start = Clock::now();
+    const Segmentation* instances = &dynamic_;
+    if (settings_.use_compensation)
+      instances = &compensator_.compensate(frame, dynamic_, T_current_last);
+    stats_.compensation_ms = milliseconds_since(start);
+
+    start = Clock::now();
+    const DynamicMask& fused = fuser_.fuse(frame, *instances, settings_.use_depth);
+    if (settings_.use_compensation && settings_.compensation.use_depth)
+      compensator_.remember(frame, fuser_.instances());
+    stats_.depth_ms = milliseconds_since(start);
+
+    mask_.image = fused.image;
+    mask_.timestamp = frame.timestamp;
+    mask_.age_s = settings_.use_compensation ? compensator_.age_s() : fused.age_s;
+    report(frame, instances->instances.size());
+  }
+
+  void keep_dynamic(const Segmentation& segmentation) {
+    dynamic_.available = segmentation.available;
+    dynamic_.timestamp = segmentation.timestamp;
+    dynamic_.instances.clear();
+    const auto& classes = settings_.dynamic_classes;
+    if (segmentation.available)
+      for (const Instance& s : segmentation.instances)
+        if (s.class_name.empty() ||
+            std::find(classes.begin(), classes.end(), s.class_name) != classes.end())
+          dynamic_.instances.push_back(s);
+    raw_instances_ = dynamic_.instances;
+  }
+
+  void report(const RgbdFrame& frame, std::size_t instances) {
+    stats_.timestamp = frame.timestamp;
+    stats_.status = fuser_.status();
+    stats_.restored = 0;
+    if (settings_.use_compensation) {
+      stats_.status |= compensator_.status();
+      stats_.restored = compensator_.restored();
+    } else if (!dynamic_.available) {
+      stats_.status |= kNoSegmentation;
+    }
+    stats_.instances = static_cast<int>(instances);
+    stats_.mask_age_s = mask_.age_s;
+    stats_.mask_share = fuser_.mask_share();
+    if (stats_.mask_share > settings_.large_mask_share) stats_.status |= kMaskTooLarge;
+    stats_.keypoints = stats_.kept = 0;
+    stats_.probability_ms = 0;
+  }
+
+  Settings settings_;
+  Segmenter* segmenter_;
+  SegmentationCompensator compensator_;
+  DepthMaskFuser fuser_;
+  ProbabilisticKeypointFilter<NeighborSearch> filter_;
+  Segmentation segmented_, dynamic_;
+  std::vector<Instance> raw_instances_;
+  DynamicMask mask_;
+  FrameStats stats_;
+};
+
+/// The front end with the library's own neighbor search.
+using FrontEnd = BasicFrontEnd<>;
+
+}  // namespace stillpoint

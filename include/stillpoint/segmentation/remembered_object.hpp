@@ -1,0 +1,218 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <opencv2/core.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "stillpoint/core/camera.hpp"
+#include "stillpoint/core/frame.hpp"
+#include "stillpoint/core/instance.hpp"
+#include "stillpoint/segmentation/line_predictor.hpp"
+#include "stillpoint/segmentation/template_patch.hpp"
+
+namespace stillpoint {
+
+/// An object that SegmentationCompensator remembers from frame to frame: its mask, depth and last
+/// places, carried into the current picture by the camera's motion and the object's own line.
+class RememberedObject {
+ public:
+  /// A pixel of the last frame and its depth in metres (0: not measured).
+  struct Point {
+    float x, y, z;
+  };
+
+  std::string class_name;
+  float score = 1;
+  /// Timestamp of the last frame in which the segmenter showed it, and how many of its results
+  /// since then did not.
+  double seen_s = 0;
+  int missed = 0;
+  bool alive = true;
+
+  /// Takes over what a frame shows of the object: `instance` in `frame`. Copies the mask; O(box).
+  void observe(const RgbdFrame& frame, const Instance& instance, bool keep_patch) {
+    class_name = instance.class_name;
+    score = instance.score;
+    box_ = instance.box;
+    mask_.resize(static_cast<std::size_t>(box_.area()));
+    for (int y = 0; y < box_.height; ++y) {
+      uchar* to = mask_.data() + static_cast<std::size_t>(y) * static_cast<std::size_t>(box_.width);
+      if (instance.mask.empty())
+        std::fill(to, to + box_.width, uchar{255});
+      else
+        std::copy_n(instance.mask.ptr<uchar>(y), box_.width, to);
+    }
+    if (keep_patch) patch_.sample(frame.color, instance);
+    sample_points(frame);
+  }
+
+  /// Adds the object's place (upper-left corner of its box, or centre of its mask) to the history
+  /// of at most `length` places; a second call for one timestamp replaces the first.
+  void add_place(double timestamp, bool use_corner, std::size_t length) {
+    const cv::Point2d place = use_corner ? cv::Point2d(box_.x, box_.y) : center_;
+    if (places_ > 0 && history_[places_ - 1].timestamp >= timestamp) --places_;
+    length = std::min(length, history_.size());
+    if (places_ >= length) {
+      const std::size_t drop = places_ - length + 1;
+      std::copy(history_.begin() + static_cast<std::ptrdiff_t>(drop),
+                history_.begin() + static_cast<std::ptrdiff_t>(places_), history_.begin());
+      places_ -= drop;
+    }
+    history_[places_++] = {place.x, place.y, timestamp};
+  }
+
+  /// Carries the object to `timestamp`: by the camera's motion (if known), then along its line.
+  /// `max_speed_px_s` bounds the object's own motion.
+  void predict(double timestamp, const Camera& camera,
+               const std::optional<Eigen::Isometry3d>& T_current_last, double max_speed_px_s) {
+    Eigen::Matrix3d H = Eigen::Matrix3d::Identity();
+    predicted_z_ = z_;
+    if (T_current_last && camera.valid()) {
+      // The object as a plane at its depth, parallel to the picture.
+      Eigen::Matrix3d K;
+      K << camera.fx, 0, camera.cx, 0, camera.fy, camera.cy, 0, 0, 1;
+      Eigen::Matrix3d motion = T_current_last->linear();
+      if (z_ > 0) motion.col(2) += T_current_last->translation() / z_;
+      H = K * motion * K.inverse();
+      if (z_ > 0)
+        predicted_z_ =
+            static_cast<float>((*T_current_last * camera.unproject(center_.x, center_.y, z_)).z());
+      for (std::size_t i = 0; i < places_; ++i) {
+        const Eigen::Vector3d p = H * Eigen::Vector3d(history_[i].x, history_[i].y, 1);
+        history_[i].x = p.x() / p.z(), history_[i].y = p.y() / p.z();
+      }
+    }
+    // H as an affine map around the centre: exact enough over one object and one frame.
+    const Eigen::Vector3d c = H * Eigen::Vector3d(center_.x, center_.y, 1);
+    const Eigen::Vector2d at = c.hnormalized();
+    affine_.leftCols<2>() = (H.topLeftCorner<2, 2>() - at * H.block<1, 2>(2, 0)) / c.z();
+    affine_.col(2) = at - affine_.leftCols<2>() * Eigen::Vector2d(center_.x, center_.y);
+    if (places_ == 0) return;
+    const TimedPoint& last = history_[places_ - 1];
+    const cv::Point2d next = predict_on_line(history_.data(), places_, timestamp);
+    Eigen::Vector2d shift(next.x - last.x, next.y - last.y);
+    const double limit = max_speed_px_s * std::max(0.0, timestamp - last.timestamp);
+    if (shift.norm() > limit) shift *= limit / shift.norm();
+    affine_.col(2) += shift;
+  }
+
+  /// Moves the prediction by whole pixels.
+  void shift_prediction(const cv::Point& shift) {
+    affine_(0, 2) += shift.x, affine_(1, 2) += shift.y;
+  }
+
+  /// Where a point of the last frame is predicted, with its predicted depth (0 where unknown).
+  Point predicted(const Point& p) const {
+    return {static_cast<float>(affine_(0, 0) * p.x + affine_(0, 1) * p.y + affine_(0, 2)),
+            static_cast<float>(affine_(1, 0) * p.x + affine_(1, 1) * p.y + affine_(1, 2)),
+            p.z > 0 ? p.z + predicted_z_ - z_ : predicted_z_};
+  }
+
+  /// The predicted box, clipped to the picture; empty if it has left it.
+  cv::Rect predicted_box(const cv::Size& size) const {
+    float x0 = 1e9f, y0 = 1e9f, x1 = -1e9f, y1 = -1e9f;
+    for (const int corner : {0, 1, 2, 3}) {
+      const Point p =
+          predicted({static_cast<float>(box_.x + (corner & 1) * (box_.width - 1)),
+                     static_cast<float>(box_.y + (corner >> 1) * (box_.height - 1)), 0});
+      x0 = std::min(x0, p.x), x1 = std::max(x1, p.x), y0 = std::min(y0, p.y),
+      y1 = std::max(y1, p.y);
+    }
+    x0 = std::max(x0, -1e6f), y0 = std::max(y0, -1e6f), x1 = std::min(x1, 1e6f),
+    y1 = std::min(y1, 1e6f);
+    const int x = static_cast<int>(std::floor(x0)), y = static_cast<int>(std::floor(y0));
+    return cv::Rect(x, y, std::max(0, static_cast<int>(std::ceil(x1)) - x + 1),
+                    std::max(0, static_cast<int>(std::ceil(y1)) - y + 1)) &
+           cv::Rect(cv::Point(), size);
+  }
+
+  /// ORs the predicted mask into `out`, which covers `area` of the picture. O(area).
+  void draw_predicted(const cv::Rect& area, cv::Mat& out) const {
+    const Eigen::Matrix2d inverse = affine_.leftCols<2>().inverse();
+    const Eigen::Vector2d offset = -inverse * affine_.col(2);
+    const cv::Rect part = predicted_box({area.x + area.width, area.y + area.height}) & area;
+    for (int y = part.y; y < part.y + part.height; ++y) {
+      uchar* to = out.ptr<uchar>(y - area.y) - area.x;
+      double sx = inverse(0, 0) * part.x + inverse(0, 1) * y + offset.x() - box_.x + 0.5;
+      double sy = inverse(1, 0) * part.x + inverse(1, 1) * y + offset.y() - box_.y + 0.5;
+      for (int x = part.x; x < part.x + part.width; ++x) {
+        if (sx >= 0 && sy >= 0 && sx < box_.width && sy < box_.height)
+          to[x] |= mask_[static_cast<std::size_t>(sy) * static_cast<std::size_t>(box_.width) +
+                         static_cast<std::size_t>(sx)];
+        sx += inverse(0, 0), sy += inverse(1, 0);
+      }
+    }
+  }
+
+  const std::vector<Point>& inside() const { return inside_; }
+  const std::vector<Point>& ring() const { return ring_; }
+  const TemplatePatch& patch() const { return patch_; }
+  const cv::Rect& box() const { return box_; }
+  float depth_m() const { return z_; }
+  float predicted_depth_m() const { return predicted_z_; }
+
+ private:
+  // Pixels spread over the mask, and pixels around it that show something else.
+  void sample_points(const RgbdFrame& frame) {
+    inside_.clear(), ring_.clear(), depths_.clear();
+    const int margin = std::max(6, std::min(box_.width, box_.height) / 5);
+    const cv::Size size = frame.color.size();
+    const cv::Rect around = cv::Rect(box_.x - margin, box_.y - margin, box_.width + 2 * margin,
+                                     box_.height + 2 * margin) &
+                            cv::Rect(cv::Point(), size);
+    const int step = std::max(2, static_cast<int>(std::sqrt(around.area() / 400.0)));
+    double sx = 0, sy = 0;
+    for (int y = around.y + step / 2; y < around.y + around.height; y += step)
+      for (int x = around.x + step / 2; x < around.x + around.width; x += step) {
+        const bool inside =
+            box_.contains({x, y}) &&
+            mask_[static_cast<std::size_t>(y - box_.y) * static_cast<std::size_t>(box_.width) +
+                  static_cast<std::size_t>(x - box_.x)];
+        const Point p = {static_cast<float>(x), static_cast<float>(y), depth_m_at(frame, x, y)};
+        if (!inside) {
+          ring_.push_back(p);
+          continue;
+        }
+        inside_.push_back(p);
+        sx += x, sy += y;
+        if (p.z > 0) depths_.push_back(p.z);
+      }
+    if (!inside_.empty())
+      center_ = {sx / static_cast<double>(inside_.size()),
+                 sy / static_cast<double>(inside_.size())};
+    else
+      center_ = {box_.x + 0.5 * box_.width, box_.y + 0.5 * box_.height};
+    z_ = 0;
+    if (depths_.size() >= 5) {
+      const auto middle = depths_.begin() + static_cast<std::ptrdiff_t>(depths_.size() / 2);
+      std::nth_element(depths_.begin(), middle, depths_.end());
+      z_ = *middle;
+    }
+    // Around an object only what lies at another depth tells where its outline is.
+    const float z = z_;
+    ring_.erase(std::remove_if(ring_.begin(), ring_.end(),
+                               [z](const Point& p) { return p.z > 0 && std::abs(p.z - z) < 0.5f; }),
+                ring_.end());
+    predicted_z_ = z_;
+  }
+
+  cv::Rect box_;
+  std::vector<uchar> mask_;
+  cv::Point2d center_;
+  float z_ = 0, predicted_z_ = 0;
+  std::vector<Point> inside_, ring_;
+  std::vector<float> depths_;
+  TemplatePatch patch_;
+  std::array<TimedPoint, 8> history_{};
+  std::size_t places_ = 0;
+  Eigen::Matrix<double, 2, 3, Eigen::DontAlign> affine_ = Eigen::Matrix<double, 2, 3>::Identity();
+};
+
+}  // namespace stillpoint

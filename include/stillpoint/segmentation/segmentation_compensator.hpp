@@ -1,0 +1,323 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <limits>
+#include <opencv2/core.hpp>
+#include <optional>
+#include <vector>
+
+#include "stillpoint/core/camera.hpp"
+#include "stillpoint/core/frame.hpp"
+#include "stillpoint/core/instance.hpp"
+#include "stillpoint/core/status.hpp"
+#include "stillpoint/segmentation/object_locator.hpp"
+#include "stillpoint/segmentation/remembered_object.hpp"
+#include "stillpoint/segmentation/segmentation_compensator_settings.hpp"
+
+namespace stillpoint {
+
+/// Mends what a segmenter misses: objects seen in the last frames and missing, wholly or partly, in
+/// this one are put back where they must be now (paper section 3.1).
+///
+/// Each object is remembered with its mask, depth and last places. It is carried into the new frame
+/// by the camera's motion, if the caller knows it, and along the least-squares line through its
+/// last places at their real timestamps. What the segmenter shows of it is compared with that
+/// prediction; what is missing is looked for near the predicted place (by depth where there is
+/// depth, else by template matching), and restored only if it is found there. One that left is not
+/// restored. A frame without a result (`available = false`) is a frame in which every object is
+/// missing. Frames may be dropped; restoring is bounded in number and in time.
+///
+/// Any number of objects, of any class. Cost: O(objects x instances), and O(pixels of the box) for
+/// each restored object. Not thread-safe; one object per camera.
+class SegmentationCompensator {
+ public:
+  using Settings = SegmentationCompensatorSettings;
+
+  /// `camera` is needed only to use camera motion.
+  explicit SegmentationCompensator(const Settings& settings = {}, const Camera& camera = {})
+      : settings_(settings), camera_(camera), locator_(settings) {
+    settings.check();
+  }
+
+  const Settings& settings() const { return settings_; }
+
+  /// Returns the segmentation of `frame` with missed objects restored: the given instances, in
+  /// order, some of them enlarged, then the wholly restored ones. `T_current_last` maps points of
+  /// the last frame's camera into this one's. The reference and the masks of restored instances
+  /// stay valid until the next call.
+  const Segmentation& compensate(
+      const RgbdFrame& frame, const Segmentation& segmentation,
+      const std::optional<Eigen::Isometry3d>& T_current_last = std::nullopt) {
+    check_frame(frame);
+    const cv::Size size = frame.color.size();
+    check_segmentation(segmentation, size);
+    begin(frame, segmentation);
+    for (RememberedObject& object : objects_)
+      object.predict(frame.timestamp, camera_, T_current_last, max_speed_px(object, size));
+    if (segmentation.available) {
+      newest_result_s_ = frame.timestamp;
+      associate(size);
+    }
+    const bool look = settings_.trigger == Settings::Trigger::kPerObject ||
+                      !segmentation.available || area_dropped();
+    for (std::size_t j = 0; j < objects_.size(); ++j) judge(frame, j, look);
+    remember_all(frame);
+    return output_;
+  }
+
+  /// Replaces the masks in memory by better ones of the same instances (in the order that
+  /// compensate() returned), for instance after depth fusion. Optional.
+  void remember(const RgbdFrame& frame, const std::vector<Instance>& refined) {
+    detail::check(refined.size() == owner_.size(), [&] {
+      return "remember: expected one instance for each of compensate(), " +
+             std::to_string(owner_.size()) + ", found " + std::to_string(refined.size());
+    });
+    for (std::size_t i = 0; i < refined.size(); ++i) {
+      if (owner_[i] < 0) continue;
+      RememberedObject& object = objects_[static_cast<std::size_t>(owner_[i])];
+      const Instance& instance = refined[i];
+      const cv::Rect tight = instance.mask.empty() ? cv::Rect(cv::Point(), instance.box.size())
+                                                   : mask_bounds(instance.mask);
+      if (tight.area() < kSmallestPx) {
+        object.alive = object.missed == 0 && object.seen_s == frame.timestamp;
+        continue;
+      }
+      Instance trimmed;
+      trimmed.class_name = instance.class_name;
+      trimmed.score = instance.score;
+      trimmed.box = tight + instance.box.tl();
+      if (!instance.mask.empty()) trimmed.mask = instance.mask(tight);
+      object.observe(frame, trimmed, false);
+      object.add_place(frame.timestamp, settings_.corner_history, history());
+    }
+  }
+
+  /// How many objects the last compensate() restored, wholly or partly.
+  int restored() const { return restored_; }
+  /// Age of the newest result of the segmenter at the last frame, seconds; infinity before the
+  /// first.
+  double age_s() const { return age_s_; }
+  /// Bits of the last compensate(): kNoSegmentation, kNeverSegmented, kMaskStale, kRestored,
+  /// kTimestampOrder.
+  std::uint32_t status() const { return status_; }
+  /// Forgets everything (a cut in the sequence).
+  void reset() {
+    objects_.clear();
+    last_s_ = newest_result_s_ = -std::numeric_limits<double>::infinity();
+    last_area_ = 0;
+  }
+
+ private:
+  static constexpr int kSmallestPx = 60;
+
+  std::size_t history() const { return static_cast<std::size_t>(settings_.history); }
+
+  void begin(const RgbdFrame& frame, const Segmentation& segmentation) {
+    status_ = kOk;
+    restored_ = 0;
+    if (frame.timestamp <= last_s_) {
+      reset();
+      status_ |= kTimestampOrder;
+    }
+    last_s_ = frame.timestamp;
+    output_.available = segmentation.available;
+    output_.timestamp = frame.timestamp;
+    output_.instances.clear();
+    if (segmentation.available)
+      output_.instances.insert(output_.instances.end(), segmentation.instances.begin(),
+                               segmentation.instances.end());
+    given_ = output_.instances.size();
+    owner_.assign(given_, -1);
+    instance_of_.assign(objects_.size(), -1);
+    buffers_used_ = 0;
+    age_s_ = segmentation.available ? 0 : frame.timestamp - newest_result_s_;
+    if (!segmentation.available) status_ |= kNoSegmentation;
+    if (!segmentation.available && std::isinf(age_s_)) status_ |= kNeverSegmented;
+  }
+
+  double max_speed_px(const RememberedObject& object, const cv::Size& size) const {
+    const double focal = camera_.valid() ? camera_.fx : 0.9 * size.width;
+    const double z = object.depth_m() > 0 ? object.depth_m() : 2;
+    return settings_.max_speed_m_s * focal / z;
+  }
+
+  // The paper's trigger r = A_c / A_{c-1} < 0.9.
+  bool area_dropped() {
+    double area = 0;
+    for (std::size_t i = 0; i < given_; ++i) {
+      const Instance& s = output_.instances[i];
+      area += s.mask.empty() ? s.box.area() : cv::countNonZero(s.mask);
+    }
+    const bool dropped = last_area_ > 0 && area < settings_.area_ratio * last_area_;
+    return dropped;
+  }
+
+  // Gives each instance to the object whose predicted points it holds most of.
+  void associate(const cv::Size& size) {
+    pairs_.clear();
+    for (std::size_t j = 0; j < objects_.size(); ++j) {
+      const cv::Rect box = objects_[j].predicted_box(size);
+      for (std::size_t i = 0; i < given_; ++i) {
+        if ((box & output_.instances[i].box).empty()) continue;
+        int held = 0, total = 0;
+        for (const auto& p : objects_[j].inside()) {
+          const auto q = objects_[j].predicted(p);
+          ++total;
+          held += covers(output_.instances[i], q.x, q.y);
+        }
+        if (total > 0 && held * 4 >= total)
+          pairs_.push_back({static_cast<double>(held) / total, j, i});
+      }
+    }
+    std::sort(pairs_.begin(), pairs_.end(), [](const Pair& a, const Pair& b) {
+      if (a.share != b.share) return a.share > b.share;
+      return a.object != b.object ? a.object < b.object : a.instance < b.instance;
+    });
+    for (const Pair& pair : pairs_) {
+      if (instance_of_[pair.object] >= 0 || owner_[pair.instance] >= 0) continue;
+      instance_of_[pair.object] = static_cast<int>(pair.instance);
+      owner_[pair.instance] = static_cast<int>(pair.object);
+    }
+  }
+
+  static bool covers(const Instance& s, float x, float y) {
+    const int u = static_cast<int>(std::floor(x + 0.5f)) - s.box.x;
+    const int v = static_cast<int>(std::floor(y + 0.5f)) - s.box.y;
+    return u >= 0 && v >= 0 && u < s.box.width && v < s.box.height &&
+           (s.mask.empty() || s.mask.ptr<uchar>(v)[u] != 0);
+  }
+
+  // Decides what becomes of a remembered object in this frame.
+  void judge(const RgbdFrame& frame, std::size_t j, bool look) {
+    RememberedObject& object = objects_[j];
+    const bool seen = instance_of_[j] >= 0;
+    if (seen) {
+      object.seen_s = frame.timestamp;
+      object.missed = 0;
+    }
+    const bool too_old = frame.timestamp - object.seen_s > settings_.max_prediction_s;
+    if (!seen && too_old) {
+      object.alive = false;
+      status_ |= kMaskStale;
+      return;
+    }
+    if (!look) {
+      object.alive = seen;
+      return;
+    }
+    if (!seen && !locator_.locate(frame, object)) {
+      object.alive = false;
+      return;
+    }
+    const double missing = locator_.missing_share(frame, object, output_.instances, given_);
+    if (missing <= 1 - settings_.area_ratio) {
+      object.alive = seen;  // what is left of it is in another object's mask
+      return;
+    }
+    if (!seen && output_.available && ++object.missed > settings_.max_restored_frames) {
+      object.alive = false;
+      return;
+    }
+    restore(frame.color.size(), j);
+  }
+
+  // Writes the object's predicted mask as an instance, or unites it with what was seen of it.
+  void restore(const cv::Size& size, std::size_t j) {
+    RememberedObject& object = objects_[j];
+    const cv::Rect predicted = object.predicted_box(size);
+    if (predicted.empty()) {
+      object.alive = instance_of_[j] >= 0;
+      return;
+    }
+    Instance* instance = nullptr;
+    cv::Rect area = predicted;
+    if (instance_of_[j] >= 0) {
+      instance = &output_.instances[static_cast<std::size_t>(instance_of_[j])];
+      if (instance->mask.empty()) return;  // a bare box: the depth fusion finds what is in it
+      area |= instance->box;
+    }
+    if (buffers_used_ == buffers_.size()) buffers_.emplace_back();
+    std::vector<uchar>& buffer = buffers_[buffers_used_++];
+    buffer.assign(static_cast<std::size_t>(area.area()), 0);
+    cv::Mat mask(area.size(), CV_8UC1, buffer.data());
+    object.draw_predicted(area, mask);
+    if (instance) {
+      for (int y = 0; y < instance->box.height; ++y) {
+        const uchar* in = instance->mask.ptr<uchar>(y);
+        uchar* to = mask.ptr<uchar>(y + instance->box.y - area.y) + instance->box.x - area.x;
+        for (int x = 0; x < instance->box.width; ++x) to[x] |= in[x];
+      }
+    } else {
+      output_.instances.emplace_back();
+      owner_.push_back(static_cast<int>(j));
+      instance_of_[j] = static_cast<int>(output_.instances.size()) - 1;
+      instance = &output_.instances.back();
+      instance->class_name = object.class_name;
+      instance->score = object.score;
+    }
+    instance->box = area;
+    instance->mask = mask;
+    ++restored_;
+    status_ |= kRestored;
+  }
+
+  void remember_all(const RgbdFrame& frame) {
+    last_area_ = 0;
+    for (std::size_t i = 0; i < output_.instances.size(); ++i) {
+      const Instance& instance = output_.instances[i];
+      last_area_ += instance.mask.empty() ? instance.box.area() : cv::countNonZero(instance.mask);
+      if (owner_[i] < 0) {
+        owner_[i] = static_cast<int>(objects_.size());
+        objects_.emplace_back();
+        objects_.back().seen_s = frame.timestamp;
+      }
+    }
+    // Forgotten objects go; the owners' numbers follow.
+    new_number_.assign(objects_.size(), -1);
+    std::size_t n = 0;
+    for (std::size_t j = 0; j < objects_.size(); ++j) {
+      if (!objects_[j].alive) continue;
+      new_number_[j] = static_cast<int>(n);
+      if (n != j) std::swap(objects_[n], objects_[j]);
+      ++n;
+    }
+    objects_.resize(n);
+    for (std::size_t i = 0; i < owner_.size(); ++i) {
+      owner_[i] = new_number_[static_cast<std::size_t>(owner_[i])];
+      if (owner_[i] < 0) continue;
+      RememberedObject& object = objects_[static_cast<std::size_t>(owner_[i])];
+      object.observe(frame, output_.instances[i], true);
+      object.add_place(frame.timestamp, settings_.corner_history, history());
+    }
+  }
+
+  struct Pair {
+    double share;
+    std::size_t object, instance;
+  };
+
+  Settings settings_;
+  Camera camera_;
+  ObjectLocator locator_;
+  std::vector<RememberedObject> objects_;
+  Segmentation output_;
+  std::size_t given_ = 0;
+  std::vector<int> owner_;        // instance -> object
+  std::vector<int> instance_of_;  // object -> instance
+  std::vector<int> new_number_;
+  std::vector<Pair> pairs_;
+  std::vector<std::vector<uchar>> buffers_;
+  std::size_t buffers_used_ = 0;
+  double last_s_ = -std::numeric_limits<double>::infinity();
+  double newest_result_s_ = -std::numeric_limits<double>::infinity();
+  double age_s_ = std::numeric_limits<double>::infinity();
+  double last_area_ = 0;
+  int restored_ = 0;
+  std::uint32_t status_ = kOk;
+};
+
+}  // namespace stillpoint

@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <cmath>
+#include <string>
+
+#include "stillpoint/core/error.hpp"
+
+namespace stillpoint {
+
+/// Settings of SegmentationCompensator (paper section 3.1).
+struct SegmentationCompensatorSettings {
+  enum class Trigger {
+    kGlobal,    ///< the paper's: area of the whole mask against that of the last frame
+    kPerObject  ///< each remembered object for itself
+  };
+  Trigger trigger = Trigger::kPerObject;
+  /// A mask under this share of the last one (or an object seen to less than this share) counts as
+  /// missed.
+  double area_ratio = 0.9;
+  /// n: how many last places the line is fitted to, at most 8.
+  int history = 5;
+  /// True: the line runs through the upper-left corners of the boxes (paper), else through the
+  /// centres of the masks.
+  bool corner_history = false;
+  /// Use the depth, where there is one, to find the object near its predicted place and to tell
+  /// whether it is still there.
+  bool use_depth = true;
+  /// Reach of the search around the predicted place.
+  int search_px = 24;
+  /// Template correlation from which an object counts as still there (used where depth cannot
+  /// tell).
+  double min_template_score = 0.5;
+  /// Share of the object's measured pixels whose depth must agree with it.
+  double min_depth_support = 0.5;
+  /// How many results of the segmenter in a row may miss an object before it is forgotten.
+  int max_restored_frames = 6;
+  /// How long an object is carried along without any result of the segmenter.
+  double max_prediction_s = 0.6;
+  /// Bound on an object's own speed.
+  double max_speed_m_s = 3;
+
+  /// The literal method: global trigger, three corners, template only.
+  static SegmentationCompensatorSettings paper() {
+    SegmentationCompensatorSettings settings;
+    settings.trigger = Trigger::kGlobal;
+    settings.history = 3;
+    settings.corner_history = true;
+    settings.use_depth = false;
+    return settings;
+  }
+
+  /// Throws Error if a setting makes no sense.
+  void check() const {
+    const auto fail = [](const char* name, const char* expected, double found) {
+      throw Error(std::string("SegmentationCompensatorSettings.") + name + ": expected " +
+                  expected + ", found " + std::to_string(found));
+    };
+    if (!(area_ratio > 0 && area_ratio <= 1))
+      fail("area_ratio", "more than 0, at most 1", area_ratio);
+    if (history < 1 || history > 8) fail("history", "1 to 8", history);
+    if (search_px < 0 || search_px > 1000) fail("search_px", "0 to 1000", search_px);
+    if (max_restored_frames < 0) fail("max_restored_frames", "at least 0", max_restored_frames);
+    if (!(max_prediction_s >= 0)) fail("max_prediction_s", "at least 0", max_prediction_s);
+    if (!(max_speed_m_s >= 0)) fail("max_speed_m_s", "at least 0", max_speed_m_s);
+  }
+};
+
+}  // namespace stillpoint
