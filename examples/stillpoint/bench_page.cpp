@@ -1,0 +1,331 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "bench_results.hpp"
+#include "overlay.hpp"
+#include "plot.hpp"
+#include "terminal.hpp"
+
+namespace stillpoint::cli {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
+
+const char* const kStyle = R"(
+body { font: 15px/1.5 system-ui, sans-serif; color: #222; background: #fff; margin: 0 auto;
+       max-width: 1120px; padding: 24px; }
+h1 { font-size: 26px; margin: 0 0 4px; } h2 { font-size: 20px; margin: 40px 0 8px;
+       border-top: 2px solid #ddd; padding-top: 20px; } h3 { font-size: 16px; margin: 24px 0 6px; }
+p, li { max-width: 860px; } .note { color: #555; font-size: 13px; }
+.scroll { overflow-x: auto; }
+table { border-collapse: collapse; font-size: 13px; font-variant-numeric: tabular-nums; }
+th, td { padding: 3px 9px; text-align: right; white-space: nowrap; border-bottom: 1px solid #e5e5e5; }
+th { background: #f4f5f7; font-weight: 600; vertical-align: bottom; }
+th.group { text-align: center; border-left: 1px solid #ddd; }
+td:first-child, th:first-child { text-align: left; white-space: pre; }
+tr.failed td { color: #a33; background: #fdf1f0; } tr.best td { background: #eef7f0; }
+.figures { display: flex; flex-wrap: wrap; gap: 12px; } svg { max-width: 100%; height: auto; }
+figure { margin: 0; max-width: 100%; } figure img { max-width: 100%; display: block; }
+figcaption { font-size: 13px; color: #555; padding: 2px 0 10px; }
+code { background: #f4f5f7; padding: 1px 4px; border-radius: 3px; }
+pre { background: #f4f5f7; padding: 10px; overflow-x: auto; }
+)";
+
+double number_at(const Json& json, const std::string& key) {
+  return json.contains(key) && json[key].is_number() ? json[key].get<double>()
+                                                     : std::numeric_limits<double>::quiet_NaN();
+}
+
+std::vector<double> numbers(const Json& array) {
+  std::vector<double> out;
+  for (const Json& v : array)
+    out.push_back(v.is_number() ? v.get<double>() : std::numeric_limits<double>::quiet_NaN());
+  return out;
+}
+
+/// Column `axis` of an array of points, NaN for a missing point.
+std::vector<double> column(const Json& points, std::size_t axis) {
+  std::vector<double> out;
+  for (const Json& p : points)
+    out.push_back(p.is_array() ? p[axis].get<double>() : std::numeric_limits<double>::quiet_NaN());
+  return out;
+}
+
+std::string cell(const std::string& text) { return "<td>" + escape_html(text) + "</td>"; }
+
+std::string table(const std::vector<const Json*>& rows) {
+  std::string out =
+      "<div class=\"scroll\"><table><thead><tr><th rowspan=\"2\">variant</th>"
+      "<th rowspan=\"2\">runs</th><th rowspan=\"2\">coverage<br>%</th>"
+      "<th class=\"group\" colspan=\"3\">ATE [m]</th><th class=\"group\" colspan=\"2\">RPE</th>"
+      "<th class=\"group\" colspan=\"2\">mask IoU</th>"
+      "<th class=\"group\" colspan=\"2\">on blurred</th>"
+      "<th class=\"group\" colspan=\"5\">keypoints</th>"
+      "<th rowspan=\"2\">memory<br>MB</th></tr><tr>";
+  for (const char* name : {"RMSE", "worst", "S.D.", "m", "deg", "before", "after", "before",
+                           "after", "kept", "on people&nbsp;%", "prec.", "recall", "F1"})
+    out += std::string("<th>") + name + "</th>";
+  out += "</tr></thead><tbody>\n";
+  for (const Json* row : rows) {
+    const auto at = [&](const char* key, int digits, double factor = 1) {
+      return cell(fixed(factor * number_at(*row, key), digits));
+    };
+    const std::string failed = (*row)["failed"];
+    out += failed.empty() ? "<tr>" : "<tr class=\"failed\">";
+    out += cell((*row)["label"].get<std::string>() + (failed == "coverage" ? "  (failed: coverage)"
+                                                      : failed.empty()     ? ""
+                                                                           : "  (failed)"));
+    out += cell(std::to_string((*row)["runs"].get<int>())) + at("coverage_min", 1, 100) +
+           at("ate_rmse_m", 4) + at("ate_rmse_worst_m", 4) + at("ate_sd_m", 4) +
+           at("rpe_trans_m", 4) + at("rpe_rot_deg", 3) + at("mask_iou_before", 3) +
+           at("mask_iou_after", 3) + at("mask_iou_before_blurred", 3) +
+           at("mask_iou_after_blurred", 3) + at("keypoints_kept", 0) +
+           at("keypoints_kept_on_people", 2, 100) + at("keypoints_precision", 3) +
+           at("keypoints_recall", 3) + at("keypoints_f1", 3) + at("peak_memory_mb", 0) + "</tr>\n";
+  }
+  return out + "</tbody></table></div>\n";
+}
+
+const char* const kStages[] = {"segmentation", "compensation", "depth",
+                               "probability",  "extraction",   "tracking"};
+
+std::string times(const std::vector<const Json*>& rows) {
+  StackedBars bars;
+  bars.title = "Time per frame (medians of the stages)";
+  bars.x_label = "milliseconds";
+  bars.parts.assign(std::begin(kStages), std::end(kStages));
+  std::string out = "<div class=\"scroll\"><table><thead><tr><th>ms per frame, median (p95)</th>";
+  for (const char* stage : kStages) out += std::string("<th>") + stage + "</th>";
+  out += "<th>total</th></tr></thead><tbody>\n";
+  for (const Json* row : rows) {
+    if ((*row)["runs"].get<int>() == 0) continue;
+    bars.labels.push_back((*row)["label"]);
+    bars.labels.back().erase(0, bars.labels.back().find_first_not_of(' '));
+    bars.values.emplace_back();
+    out += "<tr>" + cell((*row)["label"]);
+    for (const char* stage : {"segmentation", "compensation", "depth", "probability", "extraction",
+                              "tracking", "total"}) {
+      const std::string key = std::string("ms_") + stage;
+      const double value = number_at(*row, key + "_median");
+      if (bars.values.back().size() < bars.parts.size()) bars.values.back().push_back(value);
+      out += cell(fixed(value, 2) + " (" + fixed(number_at(*row, key + "_p95"), 2) + ")");
+    }
+    out += "</tr>\n";
+  }
+  return "<div class=\"figures\">" + svg(bars) + "</div>\n" + out + "</tbody></table></div>\n";
+}
+
+/// The runs whose curves are drawn: the first run of these variants, if there.
+std::vector<const Json*> shown_runs(const std::vector<const Json*>& results) {
+  std::vector<const Json*> shown;
+  for (const char* name : {"off", "paper", "default", "truth"})
+    for (const Json* r : results)
+      if ((*r)["job"]["variant"] == name && r->contains("stats") &&
+          (*r)["stats"].contains("series")) {
+        shown.push_back(r);
+        break;
+      }
+  return shown;
+}
+
+std::string color_of(const std::string& variant) {
+  if (variant == "off") return "#d55e00";
+  if (variant == "paper") return "#cc79a7";
+  if (variant == "truth") return "#009e73";
+  return "#0072b2";
+}
+
+std::string trimmed_label(const Json& result) {
+  std::string label = result["job"]["label"];
+  label.erase(0, label.find_first_not_of(' '));
+  return label;
+}
+
+std::string trajectory_plots(const std::vector<const Json*>& shown) {
+  std::string out;
+  const auto add_view = [&](const std::string& title, std::size_t second, const char* y_label,
+                            bool with_off) {
+    Plot plot;
+    plot.title = title;
+    plot.x_label = "x [m]";
+    plot.y_label = y_label;
+    plot.equal_axes = true;
+    plot.width = 530, plot.height = 400;
+    bool truth_drawn = false;
+    for (const Json* r : shown) {
+      const Json& series = (*r)["stats"]["series"];
+      if (!series.contains("path")) continue;
+      if (!truth_drawn)
+        plot.series.push_back({"ground truth", "#333333", column(series["truth"], 0),
+                               column(series["truth"], second), 3.0, false, false, false});
+      truth_drawn = true;
+      const std::string variant = (*r)["job"]["variant"];
+      if (variant == "truth" || variant == "paper" || (variant == "off" && !with_off)) continue;
+      plot.series.push_back({trimmed_label(*r), color_of(variant), column(series["path"], 0),
+                             column(series["path"], second), 1.5, false, false, false});
+    }
+    if (plot.series.size() > 1) out += svg(plot);
+  };
+  add_view("From above, with the front end off and on", 1, "y [m]", true);
+  add_view("From the side, with the front end off and on", 2, "z [m]", true);
+  add_view("From above, front end on", 1, "y [m]", false);
+  add_view("From the side, front end on", 2, "z [m]", false);
+  return out;
+}
+
+std::string time_plots(const std::vector<const Json*>& shown) {
+  Plot error, mask, blur;
+  error.title = "Position error over time (gaps: no pose)";
+  error.y_label = "error [m], log scale";
+  error.log_y = true;
+  mask.title = "Share of the picture that is masked as dynamic";
+  mask.y_label = "mask [%]";
+  blur.title = "Sharpness (variance of the Laplacian; low = blurred)";
+  blur.y_label = "sharpness";
+  bool first = true;
+  for (const Json* r : shown) {
+    const Json& series = (*r)["stats"]["series"];
+    const std::string variant = (*r)["job"]["variant"];
+    const std::vector<double> t = numbers(series["t_s"]);
+    if (series.contains("error_m"))
+      error.series.push_back({trimmed_label(*r), color_of(variant), t, numbers(series["error_m"]),
+                              1.5, false, false, false});
+    if (first) {
+      blur.series.push_back(
+          {"sharpness", "#7f7f7f", t, numbers(series["sharpness"]), 1.5, false, true, false});
+      if (series.contains("true_mask_share")) {
+        std::vector<double> share = numbers(series["true_mask_share"]);
+        for (double& v : share) v *= 100;
+        mask.series.push_back({"people (masks_gt)", "#333333", t, share, 1.5, true, false, false});
+      }
+      first = false;
+    }
+    if (variant != "off" && series.contains("mask_share")) {
+      std::vector<double> share = numbers(series["mask_share"]);
+      for (double& v : share) v *= 100;
+      mask.series.push_back(
+          {trimmed_label(*r) + ", dilated", color_of(variant), t, share, 1.5, false, false, false});
+    }
+  }
+  std::string out;
+  mask.y_from_zero = blur.y_from_zero = true;
+  blur.legend = false;
+  for (Plot* plot : {&error, &mask, &blur}) {
+    plot->width = 1070;
+    plot->height = plot == &error ? 320 : 220;
+    plot->x_label = "time since the first frame [s]";
+    if (!plot->series.empty()) out += svg(*plot);
+  }
+  return out;
+}
+
+std::string overlays(const std::vector<const Json*>& results) {
+  const Json *off = nullptr, *on = nullptr;
+  for (const Json* r : results) {
+    if (!r->contains("overlays") || (*r)["overlays"].empty()) continue;
+    if (!off && (*r)["job"]["variant"] == "off") off = r;
+    if (!on && (*r)["job"]["variant"] == "default") on = r;
+  }
+  std::string out;
+  for (const Json* r : {off, on}) {
+    if (!r) continue;
+    out += "<h3>" + std::string(r == off ? "Front end off" : "Front end on, " + trimmed_label(*r)) +
+           "</h3>\n<div class=\"figures\">";
+    for (const Json& file : (*r)["overlays"]) {
+      const fs::path path = fs::path((*r)["folder"].get<std::string>()) / file.get<std::string>();
+      if (!fs::exists(path)) continue;
+      out += "<figure><img width=\"524\" src=\"" + data_uri(path.string()) + "\" alt=\"frame " +
+             escape_html(path.stem().string()) + "\"></figure>\n";
+    }
+    out += "</div>\n";
+  }
+  return out;
+}
+
+/// The first sentence of a section: what the front end brought.
+std::string verdict(const std::vector<const Json*>& rows) {
+  const Json *off = nullptr, *on = nullptr;
+  for (const Json* row : rows) {
+    if (!off && (*row)["variant"] == "off") off = row;
+    if (!on && (*row)["variant"] == "default") on = row;
+  }
+  if (!off || !on) return "";
+  const auto say = [](const Json& row) {
+    return "<b>" + fixed(number_at(row, "ate_rmse_m"), 4) + " m</b> at " +
+           fixed(100 * number_at(row, "coverage_min"), 1) + " % coverage";
+  };
+  return "<p>Absolute trajectory error with the front end off: " + say(*off) +
+         "; with the default preset: " + say(*on) + ".</p>\n";
+}
+
+}  // namespace
+
+std::string make_page(const Json& rows, const std::vector<Json>& results,
+                      const std::string& command) {
+  std::string out =
+      "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">"
+      "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">"
+      "<title>Stillpoint bench</title>\n<style>" +
+      std::string(kStyle) + "</style></head><body>\n<h1>Stillpoint bench</h1>\n";
+  std::vector<std::string> sequences;
+  for (const Json& row : rows)
+    if (sequences.empty() || sequences.back() != row["sequence"])
+      sequences.push_back(row["sequence"]);
+  out +=
+      "<p>Each row is one way to run the same tracker on the same pictures. Coverage is the share "
+      "of "
+      "the frames with ground truth that have a pose; an error counts only beside it, so rows "
+      "under "
+      "95&nbsp;% are marked as failed. ATE is the absolute trajectory error after SE(3) alignment "
+      "(no scale); with more than one run its median, with the worst beside it.</p>\n";
+
+  for (const std::string& sequence : sequences) {
+    std::vector<const Json*> own_rows, own_results;
+    for (const Json& row : rows)
+      if (row["sequence"] == sequence) own_rows.push_back(&row);
+    for (const Json& r : results)
+      if (r["job"]["sequence"] == sequence) own_results.push_back(&r);
+    out += "<h2 id=\"" + escape_html(sequence) + "\">" + escape_html(sequence) + "</h2>\n";
+    out += verdict(own_rows) + table(own_rows);
+    const std::vector<const Json*> shown = shown_runs(own_results);
+    out += "<h3>Trajectory</h3><div class=\"figures\">" + trajectory_plots(shown) + "</div>\n";
+    out += "<h3>Error, masks and blur over time</h3><div class=\"figures\">" + time_plots(shown) +
+           "</div>\n";
+    const std::string pictures = overlays(own_results);
+    if (!pictures.empty())
+      out +=
+          "<h3>Frames</h3><p class=\"note\">Green: keypoints that reach the tracker. Red: removed. "
+          "Yellow: the final (dilated) mask. From each quarter of the sequence the frame where the "
+          "given masks miss most of the people.</p>\n" +
+          pictures;
+    out += "<h3>Time</h3>\n" + times(own_rows);
+  }
+
+  out += "<h2>How these numbers were made</h2>\n<pre>" + escape_html(command) + "</pre>\n<ul>";
+  for (const Json& r : results)
+    if (r.contains("stats")) {
+      for (const char* part : {"versions", "machine"})
+        for (const auto& [key, value] : r["stats"][part].items())
+          out += "<li>" + escape_html(key) + ": " +
+                 escape_html(value.is_string() ? value.get<std::string>() : value.dump()) +
+                 "</li>\n";
+      break;
+    }
+  out +=
+      "</ul>\n<p class=\"note\">Mask IoU: dynamic masks against masks_gt before dilation; "
+      "<i>before</i> is the segmenter's own mask, <i>after</i> what the front end made of it; mean "
+      "over the frames; <i>on blurred</i>: over the least sharp third. Keypoints: <i>kept</i> per "
+      "frame by the tracker; <i>on people</i>: share of these that lie on masks_gt; precision, "
+      "recall "
+      "and F1 judge the front end's decision (removed = positive) on 1000 ORB keypoints over the "
+      "whole "
+      "picture. Times: wall clock, without reading pictures. All numbers: "
+      "<code>results.csv</code>, "
+      "<code>results.json</code>; settings and per-frame values: <code>runs/</code>.</p>\n";
+  return out + "</body></html>\n";
+}
+
+}  // namespace stillpoint::cli

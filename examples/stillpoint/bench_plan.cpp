@@ -1,0 +1,228 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "bench_plan.hpp"
+
+#include <algorithm>
+#include <fstream>
+#include <opencv2/imgcodecs.hpp>
+#include <set>
+
+#include "stillpoint/core/error.hpp"
+#include "stillpoint/version.hpp"
+
+namespace stillpoint::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// FNV-1a: short, the same everywhere, good enough to notice a change.
+class Fingerprint {
+ public:
+  void add(const std::string& bytes) {
+    for (char c : bytes) state_ = (state_ ^ static_cast<unsigned char>(c)) * 1099511628211ull;
+    state_ = (state_ ^ 0xffu) * 1099511628211ull;
+  }
+  std::string text() const {
+    char buffer[24];
+    std::snprintf(buffer, sizeof buffer, "%016llx", static_cast<unsigned long long>(state_));
+    return buffer;
+  }
+
+ private:
+  std::uint64_t state_ = 14695981039346656037ull;
+};
+
+std::string bytes_of(const fs::path& path) {
+  std::ifstream in(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
+}
+
+/// Of the running program: results of two builds must not be mixed in one table.
+const std::string& program_fingerprint() {
+  static const std::string text = [] {
+    Fingerprint f;
+    f.add(bytes_of("/proc/self/exe"));
+    return f.text();
+  }();
+  return text;
+}
+
+std::string input_fingerprint(const fs::path& sequence, const std::string& masks) {
+  Fingerprint f;
+  for (const char* name :
+       {"rgb.txt", "depth.txt", "groundtruth.txt", "associations.txt", "camera.yaml"})
+    f.add(bytes_of(sequence / name));
+  for (const std::string& folder :
+       {std::string("rgb"), std::string("depth"), masks, std::string("masks_gt")}) {
+    if (folder.empty()) continue;
+    std::vector<std::string> lines;
+    std::error_code ignored;
+    for (const auto& entry : fs::directory_iterator(sequence / folder, ignored))
+      if (entry.is_regular_file(ignored))
+        lines.push_back(entry.path().filename().string() + " " +
+                        std::to_string(entry.file_size(ignored)));
+    std::sort(lines.begin(), lines.end());
+    for (const std::string& line : lines) f.add(line);
+  }
+  return f.text();
+}
+
+bool needs_masks(const Variant& v) { return v.front_end && !v.truth; }
+
+/// "a/b/" and "a/b" are both "b".
+std::string folder_name(const fs::path& path) {
+  fs::path clean = fs::absolute(path).lexically_normal();
+  if (!clean.has_filename()) clean = clean.parent_path();
+  return clean.filename().string();
+}
+
+}  // namespace
+
+const std::vector<Variant>& variants() {
+  static const std::vector<Variant> all{
+      {"off", "front end off", false, "default", {}, false},
+      {"paper", "paper preset", true, "paper", {}, false},
+      {"default", "default preset", true, "default", {}, false},
+      {"no_compensation", "  without compensation", true, "default", {"compensation"}, false},
+      {"no_depth", "  without depth fusion", true, "default", {"depth"}, false},
+      {"no_probability", "  without probability", true, "default", {"probability"}, false},
+      // Nothing to repair: the exact masks go to dilation and the probability filter as they are.
+      {"truth", "ground-truth masks", true, "default", {"compensation", "depth"}, true}};
+  return all;
+}
+
+fs::path BenchJob::result_file() const {
+  const std::string masks =
+      masks_folder.empty() || masks_folder == "masks" ? "" : "+" + masks_folder;
+  return fs::path("runs") / sequence / (variant.name + masks + "." + std::to_string(run) + ".json");
+}
+
+std::string BenchJob::label() const {
+  return masks_folder.empty() || masks_folder == "masks"
+             ? variant.label
+             : variant.label + " [" + masks_folder + "]";
+}
+
+std::vector<BenchJob> make_jobs(const BenchPlan& plan, std::vector<std::string>& notes) {
+  std::vector<Variant> chosen;
+  for (const std::string& name : plan.variant_names) {
+    const auto found = std::find_if(variants().begin(), variants().end(),
+                                    [&](const Variant& v) { return v.name == name; });
+    if (found == variants().end()) {
+      std::string names;
+      for (const Variant& v : variants()) names += (names.empty() ? "" : ", ") + v.name;
+      throw Error("--variants: expected some of " + names + "; found \"" + name + "\"");
+    }
+    chosen.push_back(*found);
+  }
+  if (chosen.empty()) chosen = variants();
+
+  std::vector<BenchJob> jobs;
+  std::set<std::string> names;
+  for (const fs::path& sequence : plan.sequences) {
+    if (!fs::is_regular_file(sequence / "rgb.txt"))
+      throw Error(
+          sequence.string() +
+          ": expected a folder with rgb.txt, depth.txt and the pictures (TUM layout), found " +
+          (fs::is_directory(sequence) ? "one without rgb.txt" : "no such folder"));
+    std::string name = folder_name(sequence);
+    for (int n = 2; !names.insert(name).second; ++n)
+      name = folder_name(sequence) + "_" + std::to_string(n);
+    const auto add = [&](const Variant& variant, const std::string& masks_folder) {
+      for (int run = 0; run < plan.runs; ++run) {
+        BenchJob job;
+        job.sequence = name;
+        job.variant = variant;
+        job.masks_folder = masks_folder;
+        job.run = run;
+        job.settings = plan.common;
+        job.settings.sequence = sequence;
+        job.settings.preset = variant.preset;
+        job.settings.front_end = variant.front_end;
+        job.settings.without = variant.without;
+        job.settings.seed = static_cast<std::uint64_t>(run);
+        job.settings.segmenter = variant.front_end ? "mask_files" : "none";
+        if (variant.front_end)
+          job.settings.masks = sequence / (variant.truth ? "masks_gt" : masks_folder);
+        jobs.push_back(job);
+      }
+    };
+    const bool has_truth = fs::is_directory(sequence / "masks_gt");
+    for (std::size_t m = 0; m < plan.masks_folders.size(); ++m) {
+      const std::string& folder = plan.masks_folders[m];
+      const bool there = fs::is_directory(sequence / folder);
+      if (!there) notes.push_back(name + ": no folder " + folder + ": left out what needs it");
+      for (const Variant& variant : chosen) {
+        if (needs_masks(variant)) {
+          if (there) add(variant, folder);
+        } else if (m == 0 && (!variant.truth || has_truth)) {
+          add(variant, "");
+        }
+      }
+    }
+    if (!has_truth)
+      notes.push_back(name + ": no folder masks_gt: no mask IoU, no row with ground-truth masks");
+  }
+  return jobs;
+}
+
+nlohmann::ordered_json job_key(const BenchJob& job) {
+  const RunSettings& s = job.settings;
+  const std::string masks = s.masks.empty() ? "" : s.masks.filename().string();
+  return {{"sequence", job.sequence},
+          {"variant", job.variant.name},
+          {"label", job.label()},
+          {"masks_folder", masks},
+          {"run", job.run},
+          {"front_end", s.front_end},
+          {"preset", s.preset},
+          {"without", s.without},
+          {"segmenter", s.segmenter},
+          {"tracker", s.tracker},
+          {"features", s.features},
+          {"camera", s.camera},
+          {"frames", s.frames},
+          {"seed", s.seed},
+          {"input", input_fingerprint(s.sequence, masks)},
+          {"program", program_fingerprint()},
+          {"version", STILLPOINT_VERSION}};
+}
+
+std::vector<std::string> frames_to_show(const BenchJob& job, const std::string& masks_folder) {
+  // The stems come from rgb.txt, so that a sequence without masks is served as well.
+  std::vector<std::string> stems;
+  std::ifstream list(job.settings.sequence / "rgb.txt");
+  for (std::string line; std::getline(list, line);) {
+    if (line.empty() || line[0] == '#') continue;
+    const std::size_t space = line.find_first_of(" \t");
+    if (space != std::string::npos) {
+      std::string name = line.substr(space + 1);
+      name.erase(name.find_last_not_of(" \t\r") + 1);
+      stems.push_back(fs::path(name).stem().string());
+    }
+  }
+  if (job.settings.frames > 0 && job.settings.frames < stems.size())
+    stems.resize(job.settings.frames);
+  constexpr std::size_t kParts = 4;
+  std::vector<std::string> shown;
+  for (std::size_t part = 0; part < kParts; ++part) {
+    const std::size_t begin = part * stems.size() / kParts;
+    const std::size_t end = (part + 1) * stems.size() / kParts;
+    if (begin == end) continue;
+    std::size_t best = begin + (end - begin) / 2;
+    int most_missed = 0;
+    for (std::size_t i = begin; i < end; ++i) {
+      const fs::path& sequence = job.settings.sequence;
+      const cv::Mat truth =
+          cv::imread((sequence / "masks_gt" / (stems[i] + ".png")).string(), cv::IMREAD_GRAYSCALE);
+      const cv::Mat mask = cv::imread((sequence / masks_folder / (stems[i] + ".png")).string(),
+                                      cv::IMREAD_GRAYSCALE);
+      if (truth.empty() || mask.size() != truth.size()) continue;
+      const int missed = cv::countNonZero((truth > 0) & (mask == 0));
+      if (missed > most_missed) most_missed = missed, best = i;
+    }
+    shown.push_back(stems[best]);
+  }
+  return shown;
+}
+
+}  // namespace stillpoint::cli

@@ -1,0 +1,68 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "run_job.hpp"
+
+namespace stillpoint::cli {
+
+/// One way to run the system that a table compares.
+struct Variant {
+  std::string name;
+  /// How tables call it.
+  std::string label;
+  bool front_end = true;
+  std::string preset = "default";
+  std::vector<std::string> without;
+  /// Takes the exact masks of masks_gt.
+  bool truth = false;
+};
+
+/// All variants, in the order of the table.
+const std::vector<Variant>& variants();
+
+/// One run: a sequence, a variant, a folder of masks, a number.
+struct BenchJob {
+  /// The sequence's name in tables and paths; unique in a bench.
+  std::string sequence;
+  Variant variant;
+  /// Folder of masks inside the sequence; empty where the variant has its own or needs none.
+  std::string masks_folder;
+  int run = 0;
+  RunSettings settings;
+
+  /// Where its result lives, relative to the bench's folder: runs/SEQUENCE/VARIANT[+MASKS].RUN.json
+  std::filesystem::path result_file() const;
+  /// What the table calls it: "default", "default [masks_4hz]".
+  std::string label() const;
+};
+
+/// What `stillpoint bench` was asked for.
+struct BenchPlan {
+  std::vector<std::filesystem::path> sequences;
+  /// Empty: all.
+  std::vector<std::string> variant_names;
+  std::vector<std::string> masks_folders{"masks"};
+  int runs = 1;
+  /// Camera, tracker, features, frames for every job.
+  RunSettings common;
+};
+
+/// The jobs of a plan, in the order of the table. Variants that a sequence has no masks for are
+/// left out, with a line for each in `notes`. Throws Error for an unknown variant or a folder that
+/// is no sequence.
+std::vector<BenchJob> make_jobs(const BenchPlan& plan, std::vector<std::string>& notes);
+
+/// What must be equal for an old result to be taken again: settings, input files (names and sizes),
+/// and the program itself.
+nlohmann::ordered_json job_key(const BenchJob& job);
+
+/// Stems of the frames that a page should show: in each quarter of the sequence the one where
+/// `masks_folder` missed most of masks_gt (without masks_gt: the middle one).
+std::vector<std::string> frames_to_show(const BenchJob& job, const std::string& masks_folder);
+
+}  // namespace stillpoint::cli

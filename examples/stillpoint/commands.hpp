@@ -1,0 +1,16 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <CLI/App.hpp>
+
+namespace stillpoint::cli {
+
+// Each adds one subcommand with its options; the command runs from the parser's callback and says
+// what went wrong by throwing.
+void add_synth_command(CLI::App& app);
+void add_run_command(CLI::App& app);
+void add_evaluate_command(CLI::App& app);
+void add_segment_command(CLI::App& app);
+void add_bench_command(CLI::App& app);
+
+}  // namespace stillpoint::cli

@@ -1,0 +1,160 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include <CLI/App.hpp>
+#include <CLI/Config.hpp>
+#include <CLI/Formatter.hpp>
+#include <cstdio>
+#include <memory>
+
+#include "commands.hpp"
+#include "run_job.hpp"
+#include "systems.hpp"
+#include "terminal.hpp"
+
+namespace stillpoint::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct RunCommand {
+  RunSettings settings;
+  fs::path out;
+  bool save_masks = false, save_keypoints = false;
+  std::size_t overlay_every = 0;
+};
+
+std::string settings_line(const RunSettings& s, bool segmenter_was_open) {
+  if (!s.front_end) return "front end off: every keypoint goes to the tracker";
+  std::string line = "front end on, preset " + s.preset;
+  for (const std::string& stage : s.without) line += ", without " + stage;
+  line += "; segmenter " + s.segmenter;
+  if (s.segmenter == "mask_files") line += " (" + s.masks.string() + ")";
+  if (segmenter_was_open && s.segmenter == "none")
+    line += ", as there is no folder masks: nothing will be masked";
+  return line + "; tracker " + s.tracker;
+}
+
+void run(RunCommand command) {
+  RunSettings& settings = command.settings;
+  const bool segmenter_was_open = settings.segmenter.empty();
+  open_sequence(settings.sequence,
+                settings.camera);  // bad input is said before anything is written
+  choose_segmenter(settings);
+  std::printf("%s\n", settings_line(settings, segmenter_was_open).c_str());
+  std::fflush(stdout);
+
+  make_folder(command.out);
+  RunOutputs outputs;
+  outputs.trajectory = command.out / "trajectory.txt";
+  outputs.map_ply = command.out / "map.ply";
+  if (command.save_masks) outputs.masks_dir = command.out / "masks";
+  if (command.save_keypoints) outputs.keypoints_csv = command.out / "keypoints.csv";
+  if (command.overlay_every > 0) outputs.overlays_dir = command.out / "overlays";
+  outputs.overlay_every = command.overlay_every;
+
+  nlohmann::ordered_json stats;
+  {
+    std::unique_ptr<Progress> progress;
+    stats = run_job(settings, outputs, [&](std::size_t done, std::size_t total) {
+      if (!progress) progress = std::make_unique<Progress>("run", total);
+      progress->update(done);
+    });
+  }
+  write_json(command.out / "stats.json", stats);
+  for (const auto& note : stats["notes"])
+    std::printf("note: %s\n", note.get<std::string>().c_str());
+  std::printf("%swritten     %s: trajectory.txt, stats.json, map.ply%s%s%s\n",
+              summary_text(stats).c_str(), command.out.string().c_str(),
+              command.save_masks ? ", masks/" : "", command.save_keypoints ? ", keypoints.csv" : "",
+              command.overlay_every > 0 ? ", overlays/" : "");
+}
+
+}  // namespace
+
+void add_run_command(CLI::App& app) {
+  auto* command = app.add_subcommand("run", "Run the whole system over a sequence");
+  auto options = std::make_shared<RunCommand>();
+  RunSettings& s = options->settings;
+  s.tracker = default_tracker();
+  command->add_option("SEQUENCE", s.sequence, "Folder in TUM layout: rgb.txt, depth.txt, pictures")
+      ->required();
+  command->add_option("--out", options->out, "Folder for the results; made if it is not there")
+      ->required()
+      ->type_name("DIR");
+  command
+      ->add_option("--camera", s.camera,
+                   "fr1, fr2, fr3, bonn or an ORB-SLAM style YAML file  [SEQUENCE/camera.yaml]")
+      ->type_name("NAME|FILE");
+  command
+      ->add_option("--segmenter", s.segmenter,
+                   "Where masks come from  [mask_files if SEQUENCE/masks exists, else none]")
+      ->check(CLI::IsMember(segmenter_names()));
+  command
+      ->add_option("--masks", s.masks,
+                   "Folder of masks for mask_files: STEM.png for rgb/STEM.*  [SEQUENCE/masks]")
+      ->type_name("DIR");
+  command->add_option("--preset", s.preset, "default: ours; paper: the literal method")
+      ->check(CLI::IsMember({"default", "paper"}))
+      ->capture_default_str();
+  command
+      ->add_option_function<std::string>(
+          "--front-end", [&s](const std::string& value) { s.front_end = value == "on"; },
+          "off: the tracker alone, for comparison")
+      ->check(CLI::IsMember({"on", "off"}))
+      ->default_str("on");
+  command->add_option("--without", s.without, "Leave a stage out; may be given several times")
+      ->check(CLI::IsMember({"compensation", "depth", "probability"}))
+      ->allow_extra_args(false);
+  command->add_option("--tracker", s.tracker, "vo: small visual odometry")
+      ->check(CLI::IsMember(tracker_names()))
+      ->capture_default_str();
+  command->add_option("--features", s.features, "Keypoints per frame  [the tracker's own]")
+      ->check(CLI::Range(50, 100000));
+  command->add_option("--frames", s.frames, "Only the first N frames  [all]")
+      ->check(CLI::PositiveNumber)
+      ->type_name("N");
+  command->add_option("--seed", s.seed, "Other random samples: added to the presets' own seeds")
+      ->capture_default_str();
+  command->add_flag("--save-masks", options->save_masks,
+                    "Write DIR/masks/STEM.png: the final mask, 255 = dynamic");
+  command->add_flag("--save-keypoints", options->save_keypoints,
+                    "Write DIR/keypoints.csv: timestamp,x,y,probability,kept");
+  command
+      ->add_option_function<std::string>(
+          "--save-overlays",
+          [command_options = options.get()](const std::string& value) {
+            command_options->overlay_every =
+                value.empty() || value == "true" ? 1 : static_cast<std::size_t>(std::stoul(value));
+          },
+          "Write DIR/overlays/STEM.png, of every N-th frame: kept keypoints green, removed red, "
+          "mask edges yellow")
+      ->expected(0, 1)
+      ->check(CLI::Validator(
+          [](std::string& value) {
+            return !value.empty() && value.find_first_not_of("0123456789") == std::string::npos &&
+                           value.size() < 10 && std::stoul(value) > 0
+                       ? std::string()
+                       : "expected a number of frames of at least 1, found \"" + value +
+                             "\" (write --save-overlays at the end or --save-overlays=1)";
+          },
+          ""))
+      ->type_name("[N]");
+  command->footer(R"(
+Examples:
+  stillpoint run walk --out out
+  stillpoint run rgbd_dataset_freiburg3_walking_xyz --camera fr3 --masks my_masks --out out
+  stillpoint run walk --out out --front-end off             the tracker alone
+  stillpoint run walk --out out --without depth             leave one stage out
+  stillpoint run walk --out out --save-overlays 10          pictures of every tenth frame
+
+Masks: 8-bit PNGs named like the color files (rgb/12.5.jpg: 12.5.png), 0 = background, k = object k; a
+picture with only 0 and 255 is split into connected parts. An empty picture says that nobody is there;
+a missing file that there is no result for this frame, and its masks are predicted.
+
+Results in DIR: trajectory.txt (TUM format: timestamp tx ty tz qx qy qz qw, seconds and metres, one
+line per tracked frame), stats.json (coverage, errors, ms per stage, status counts, settings,
+versions), map.ply (colored points of the static world). With groundtruth.txt in SEQUENCE the error is
+computed, with masks_gt/ the masks and keypoints are judged.)");
+  command->callback([options] { run(*options); });
+}
+
+}  // namespace stillpoint::cli

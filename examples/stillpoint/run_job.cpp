@@ -1,0 +1,282 @@
+// SPDX-License-Identifier: BSD-2-Clause
+//
+// What stats.json holds:
+//   sequence          path, frames in it, first and last timestamp
+//   frames, tracked   frames that ran through, and those that got a pose
+//   coverage          0 to 1: of the frames with ground truth those with a pose; without ground
+//                     truth tracked / frames ("coverage_of" says which)
+//   evaluation        the keys of `evaluate --json`; only with groundtruth.txt
+//   masks             against masks_gt, undilated; before = the segmenter's own, after = final;
+//                     iou: mean over the frames, recall and precision: over all pixels
+//   keypoints         extracted, kept: per frame; with masks_gt kept_on_people (share of the kept),
+//                     precision, recall, f1, static_kept
+//   times_ms          per stage: median, p95
+//   status            how many frames had which status bit
+//   settings, camera, versions, machine, peak_memory_mb
+//   notes             what the user should know (wrong depth factor, frames left out)
+#include "run_job.hpp"
+
+#include <fstream>
+#include <opencv2/core/version.hpp>
+#include <thread>
+
+#include "accuracy.hpp"
+#include "bench_results.hpp"
+#include "run_recorder.hpp"
+#include "statistics.hpp"
+#include "stillpoint/version.hpp"
+#include "systems.hpp"
+#include "terminal.hpp"
+
+namespace stillpoint::cli {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
+
+/// Peak memory since reset_peak_memory(), MB; NaN where the system does not say.
+double peak_memory_mb() {
+  std::ifstream in("/proc/self/status");
+  for (std::string line; std::getline(in, line);)
+    if (line.compare(0, 6, "VmHWM:") == 0) return std::stod(line.substr(6)) / 1024;
+  return std::numeric_limits<double>::quiet_NaN();
+}
+
+void reset_peak_memory() { std::ofstream("/proc/self/clear_refs") << "5"; }
+
+Json settings_json(const RunSettings& s, const FrontEndSettings& f) {
+  return {{"front_end", s.front_end ? "on" : "off"},
+          {"preset", s.preset},
+          {"without", s.without},
+          {"segmenter", s.segmenter},
+          {"masks", s.masks.string()},
+          {"tracker", s.tracker},
+          {"features", s.features},
+          {"seed", s.seed},
+          {"dynamic_classes", f.dynamic_classes},
+          {"dilation_px", f.depth.dilation_px},
+          {"range_m", f.depth.range_m},
+          {"cell_px", f.depth.cell_px},
+          {"radius_px", f.probability.radius_px},
+          {"weight", f.probability.weight},
+          {"decay_per_px", f.probability.decay_per_px},
+          {"threshold", f.probability.threshold},
+          {"min_kept", f.probability.min_kept}};
+}
+
+Json camera_json(const Camera& c) {
+  return {{"fx", c.fx}, {"fy", c.fy},
+          {"cx", c.cx}, {"cy", c.cy},
+          {"k1", c.k1}, {"k2", c.k2},
+          {"p1", c.p1}, {"p2", c.p2},
+          {"k3", c.k3}, {"depth_units_per_m", c.depth_units_per_m}};
+}
+
+/// Aligned estimate and ground truth at the frames' times, for plots.
+void add_paths(Json& series, const Trajectory& truth, const Trajectory& estimate,
+               const Accuracy& accuracy, const std::vector<double>& timestamps) {
+  std::map<double, std::size_t> pose_at, match_at;
+  for (std::size_t i = 0; i < estimate.size(); ++i) pose_at[estimate[i].timestamp] = i;
+  for (std::size_t i = 0; i < accuracy.ate.matches.size(); ++i)
+    match_at[estimate[accuracy.ate.matches[i].second].timestamp] = i;
+  const auto point = [](const Eigen::Vector3d& p) {
+    const auto mm = [](double v) { return std::round(v * 1e4) / 1e4; };
+    return Json::array({mm(p.x()), mm(p.y()), mm(p.z())});
+  };
+  std::vector<double> truth_times;
+  for (const StampedPose& pose : truth) truth_times.push_back(pose.timestamp);
+  for (double t : timestamps) {
+    const auto pose = pose_at.find(t);
+    series["path"].push_back(pose == pose_at.end()
+                                 ? Json()
+                                 : point(accuracy.ate.T_groundtruth_estimate *
+                                         estimate[pose->second].T_world_camera.translation()));
+    const auto match = match_at.find(t);
+    series["error_m"].push_back(
+        match == match_at.end()
+            ? Json()
+            : Json(std::round(accuracy.ate.errors_m[match->second] * 1e6) / 1e6));
+    const std::size_t n = detail::nearest(truth_times, t);
+    series["truth"].push_back(std::abs(truth_times[n] - t) < 0.02
+                                  ? point(truth[n].T_world_camera.translation())
+                                  : Json());
+  }
+}
+
+}  // namespace
+
+Json run_job(const RunSettings& wanted, const RunOutputs& outputs,
+             const std::function<void(std::size_t, std::size_t)>& progress) {
+  RunSettings settings = wanted;
+  const TumSequence sequence = open_sequence(settings.sequence, settings.camera);
+  choose_segmenter(settings);
+  const std::unique_ptr<Segmenter> segmenter = make_segmenter(settings, sequence);
+  const std::unique_ptr<Tracker> tracker = make_tracker(settings, *sequence.camera());
+  const FrontEndSettings front_end = front_end_settings(settings);
+  const std::size_t count =
+      settings.frames > 0 ? std::min(settings.frames, sequence.size()) : sequence.size();
+  Json notes = Json::array();
+  if (sequence.missing_pictures() > 0)
+    notes.push_back(std::to_string(sequence.missing_pictures()) +
+                    " listed pictures are not on the disk; their frames are left out");
+
+  reset_peak_memory();
+  Pipeline pipeline(front_end, settings.front_end, *sequence.camera(), segmenter.get(), *tracker);
+  const fs::path truth_dir = settings.sequence / "masks_gt";
+  RunRecorder recorder(fs::is_directory(truth_dir) ? truth_dir : fs::path(), front_end);
+  FrameWriter writer(outputs);
+  for (std::size_t i = 0; i < count; ++i) {
+    const RgbdFrame frame = sequence.load(i);
+    const std::string& stem = sequence.entry(i).stem;
+    pipeline.process(frame);
+    recorder.add(pipeline, frame, stem);
+    writer.write(pipeline, frame, stem, i);
+    progress(i + 1, count);
+  }
+  writer.finish();
+  tracker->finish();
+  const Trajectory trajectory = tracker->trajectory();
+  if (!outputs.trajectory.empty()) write_trajectory(outputs.trajectory, trajectory);
+
+  Json stats;
+  stats["sequence"] = {{"path", settings.sequence.string()},
+                       {"frames", sequence.size()},
+                       {"first_timestamp", sequence.entry(0).timestamp},
+                       {"last_timestamp", sequence.entry(count - 1).timestamp}};
+  stats["frames"] = recorder.frames();
+  stats["tracked"] = recorder.tracked();
+  stats["coverage"] = static_cast<double>(recorder.tracked()) /
+                      static_cast<double>(std::max<std::size_t>(1, recorder.frames()));
+  stats["coverage_of"] = "frames";
+  Json series = outputs.series ? recorder.series(settings.front_end) : Json();
+  if (sequence.has_groundtruth()) {
+    const Trajectory truth = sequence.groundtruth();
+    const std::vector<double> times = recorder.timestamps();
+    const Coverage cover = coverage(truth, trajectory, times);
+    if (cover.frames == 0) {
+      notes.push_back("groundtruth.txt has no pose within 0.02 s of any frame");
+    } else {
+      stats["coverage"] = cover.share;
+      stats["coverage_of"] = "frames with ground truth";
+      try {
+        const Accuracy accuracy = measure_accuracy(truth, trajectory, times, RpeSettings());
+        stats["evaluation"] = to_json(accuracy);
+        if (outputs.series) add_paths(series, truth, trajectory, accuracy, times);
+      } catch (const Error& e) {
+        // Lost from the start: no error to speak of, and the coverage says so.
+        notes.push_back(e.what());
+      }
+    }
+  }
+  recorder.summarize(stats, settings.front_end);
+  stats["settings"] = settings_json(settings, front_end);
+  stats["camera"] = camera_json(*sequence.camera());
+  stats["versions"] = versions_json();
+  stats["machine"] = machine_json();
+  stats["peak_memory_mb"] = peak_memory_mb();
+  stats["notes"] = notes;
+  if (outputs.series) stats["series"] = series;
+  return stats;
+}
+
+Json versions_json() {
+  const std::string eigen = std::to_string(EIGEN_WORLD_VERSION) + "." +
+                            std::to_string(EIGEN_MAJOR_VERSION) + "." +
+                            std::to_string(EIGEN_MINOR_VERSION);
+#if defined(__clang__)
+  const std::string compiler = "clang " __clang_version__;
+#elif defined(__GNUC__)
+  const std::string compiler = "gcc " __VERSION__;
+#else
+  const std::string compiler = "unknown";
+#endif
+#ifdef NDEBUG
+  const char* build = "release";
+#else
+  const char* build = "debug (times mean nothing)";
+#endif
+  return {{"stillpoint", STILLPOINT_VERSION},
+          {"opencv", CV_VERSION},
+          {"eigen", eigen},
+          {"compiler", compiler},
+          {"build", build}};
+}
+
+Json machine_json() {
+  std::string cpu = "unknown";
+  std::ifstream in("/proc/cpuinfo");
+  for (std::string line; std::getline(in, line);)
+    if (line.compare(0, 10, "model name") == 0) {
+      cpu = line.substr(std::min(line.size(), line.find(':') + 2));
+      break;
+    }
+  return {{"cpu", cpu}, {"threads", std::thread::hardware_concurrency()}};
+}
+
+void write_json(const fs::path& path, const Json& json) {
+  const fs::path part = path.string() + ".part";
+  write_file(part, json.dump(1) + "\n", "result");
+  std::error_code error;
+  fs::rename(part, path, error);
+  if (error) throw Error(path.string() + ": cannot be written: " + error.message());
+}
+
+void make_folder(const fs::path& path) {
+  std::error_code error;
+  fs::create_directories(path, error);
+  if (error || !fs::is_directory(path))
+    throw Error(path.string() + ": cannot be made a folder: " +
+                (error ? error.message() : std::string("there is a file of this name")));
+}
+
+std::string summary_text(const Json& stats) {
+  const auto number = [](const Json& json, const char* key) {
+    return json.contains(key) && json[key].is_number() ? json[key].get<double>()
+                                                       : std::numeric_limits<double>::quiet_NaN();
+  };
+  std::string out;
+  const auto add = [&](const std::string& name, const std::string& text) {
+    out += name + std::string(name.size() < 12 ? 12 - name.size() : 1, ' ') + text + "\n";
+  };
+  const double covered = number(stats, "coverage");
+  add("frames", std::to_string(stats["frames"].get<std::size_t>()) + ", tracked " +
+                    std::to_string(stats["tracked"].get<std::size_t>()) + ", coverage " +
+                    fixed(100 * covered, 1) + " % of the " +
+                    stats["coverage_of"].get<std::string>());
+  if (stats.contains("evaluation")) {
+    const Json& e = stats["evaluation"];
+    add("ATE [m]", "RMSE " + fixed(number(e, "ate_rmse_m"), 4) + "  S.D. " +
+                       fixed(number(e, "ate_sd_m"), 4) + "  max " +
+                       fixed(number(e, "ate_max_m"), 4));
+    add("RPE", fixed(number(e, "rpe_trans_m"), 4) + " m, " + fixed(number(e, "rpe_rot_deg"), 3) +
+                   " deg from frame to frame");
+  }
+  if (covered < kCoverageFloor)
+    add("", "FAILED: under 95 % coverage; an error over the rest says little");
+  if (stats.contains("masks")) {
+    const Json& m = stats["masks"];
+    add("masks", "IoU " + fixed(number(m, "iou_before"), 3) + " -> " +
+                     fixed(number(m, "iou_after"), 3) + ", recall " +
+                     fixed(number(m, "recall_before"), 3) + " -> " +
+                     fixed(number(m, "recall_after"), 3) + ", precision " +
+                     fixed(number(m, "precision_before"), 3) + " -> " +
+                     fixed(number(m, "precision_after"), 3) + "  (masks_gt, before dilation)");
+  }
+  const Json& k = stats["keypoints"];
+  std::string keypoints = fixed(number(k, "extracted"), 0) + " extracted, " +
+                          fixed(number(k, "kept"), 0) + " kept per frame";
+  if (k.contains("kept_on_people"))
+    keypoints += "; " + fixed(100 * number(k, "kept_on_people"), 2) + " % of the kept on people";
+  add("keypoints", keypoints);
+  std::string times;
+  for (const auto& [stage, t] : stats["times_ms"].items())
+    times += (times.empty() ? "" : ", ") + stage + " " + fixed(number(t, "median"), 2);
+  add("ms/frame", times + "  (medians)");
+  std::string status;
+  for (const auto& [name, n] : stats["status"].items())
+    status += (status.empty() ? "" : ", ") + name + " " + n.dump();
+  if (!status.empty()) add("status", status + "  (frames)");
+  return out;
+}
+
+}  // namespace stillpoint::cli

@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+namespace stillpoint::cli {
+
+/// Everything that decides what a run computes.
+struct RunSettings {
+  std::filesystem::path sequence;
+  /// fr1, fr2, fr3, bonn or a YAML file; empty: SEQUENCE/camera.yaml.
+  std::string camera;
+  /// Empty: mask_files if the masks' folder exists, else none.
+  std::string segmenter;
+  /// Of mask_files; empty: SEQUENCE/masks.
+  std::filesystem::path masks;
+  std::string preset = "default";
+  bool front_end = true;
+  /// Stages left out: compensation, depth, probability.
+  std::vector<std::string> without;
+  std::string tracker = "vo";
+  /// ORB keypoints per frame; 0: the tracker's default.
+  int features = 0;
+  /// First frames only; 0: all.
+  std::size_t frames = 0;
+  /// 0: the presets' own seeds; any other value is added to them.
+  std::uint64_t seed = 0;
+};
+
+/// What a run writes; an empty path or zero: not at all.
+struct RunOutputs {
+  /// trajectory.txt (TUM format).
+  std::filesystem::path trajectory;
+  std::filesystem::path map_ply, masks_dir, keypoints_csv, overlays_dir;
+  /// An overlay of every n-th frame, or of those whose stems are listed.
+  std::size_t overlay_every = 0;
+  std::vector<std::string> overlay_stems;
+  /// Overlays as small JPEGs (for a page) and not as PNGs.
+  bool overlays_jpeg = false;
+  /// Adds "series" to the result: error, mask share and blur per frame, and the aligned paths.
+  bool series = false;
+};
+
+/// Runs the whole system over a sequence. Returns what stats.json holds (its fields are described
+/// in run_job.cpp). `progress(done, total)` is called after each frame. Throws Error for bad input.
+nlohmann::ordered_json run_job(
+    const RunSettings& settings, const RunOutputs& outputs,
+    const std::function<void(std::size_t done, std::size_t total)>& progress);
+
+/// Names that --segmenter and --tracker take in this build.
+std::vector<std::string> segmenter_names();
+std::vector<std::string> tracker_names();
+std::string default_tracker();
+
+/// The lines that `stillpoint run` prints of a result.
+std::string summary_text(const nlohmann::ordered_json& stats);
+
+/// Program and library versions, and the machine, for stats and tables.
+nlohmann::ordered_json versions_json();
+nlohmann::ordered_json machine_json();
+
+/// Writes `json` (indented, numbers that are not finite as null) by way of a temporary file, so
+/// that a killed program never leaves half a file. Throws Error if that fails.
+void write_json(const std::filesystem::path& path, const nlohmann::ordered_json& json);
+
+/// Makes a folder and its parents. Throws Error if that fails.
+void make_folder(const std::filesystem::path& path);
+
+}  // namespace stillpoint::cli

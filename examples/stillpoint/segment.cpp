@@ -1,0 +1,94 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include <CLI/App.hpp>
+#include <CLI/Config.hpp>
+#include <CLI/Formatter.hpp>
+#include <cstdio>
+#include <memory>
+#include <opencv2/core.hpp>
+
+#include "commands.hpp"
+#include "run_job.hpp"
+#include "stillpoint/io/picture_file.hpp"
+#include "systems.hpp"
+#include "terminal.hpp"
+
+namespace stillpoint::cli {
+namespace {
+
+struct SegmentOptions {
+  RunSettings settings;
+  std::filesystem::path out;
+};
+
+/// The result as one picture: 0 = background, k = instance k; the nearer a later one lies over it.
+cv::Mat label_picture(const Segmentation& segmentation, cv::Size size) {
+  cv::Mat labels = cv::Mat::zeros(size, CV_8UC1);
+  int k = 0;
+  for (const Instance& instance : segmentation.instances) {
+    if (k == 254) break;  // 255 alone means "one mask for all"
+    cv::Mat part = labels(instance.box);
+    part.setTo(++k, instance.mask.empty() ? cv::noArray() : cv::InputArray(instance.mask));
+  }
+  return labels;
+}
+
+void segment(SegmentOptions options) {
+  const TumSequence sequence = open_sequence(options.settings.sequence, options.settings.camera);
+  choose_segmenter(options.settings);
+  const std::unique_ptr<Segmenter> segmenter = make_segmenter(options.settings, sequence);
+  if (!segmenter)
+    throw Error(
+        "segment: needs a segmenter; say which one with --segmenter (\"none\" finds nobody)");
+  make_folder(options.out);
+  const std::size_t count = options.settings.frames > 0
+                                ? std::min(options.settings.frames, sequence.size())
+                                : sequence.size();
+  std::size_t written = 0, instances = 0;
+  {
+    Progress progress("segment", count);
+    for (std::size_t i = 0; i < count; ++i) {
+      const RgbdFrame frame = sequence.load(i);
+      const Segmentation result = segmenter->segment(frame);
+      check_segmentation(result, frame.color.size());
+      if (result.available) {
+        write_picture(options.out / (sequence.entry(i).stem + ".png"),
+                      label_picture(result, frame.color.size()));
+        ++written;
+        instances += result.instances.size();
+      }
+      progress.update(i + 1);
+    }
+  }
+  std::printf("%zu frames, %zu with a result, %zu instances in all; written: %s\n", count, written,
+              instances, options.out.string().c_str());
+}
+
+}  // namespace
+
+void add_segment_command(CLI::App& app) {
+  auto* command = app.add_subcommand("segment", "Run a segmenter once and keep its masks as files");
+  auto options = std::make_shared<SegmentOptions>();
+  RunSettings& s = options->settings;
+  command->add_option("SEQUENCE", s.sequence, "Folder in TUM layout")->required();
+  command->add_option("--out", options->out, "Folder for the masks; made if it is not there")
+      ->required()
+      ->type_name("DIR");
+  command->add_option("--segmenter", s.segmenter, "Where masks come from")
+      ->check(CLI::IsMember(segmenter_names()));
+  command->add_option("--masks", s.masks, "Folder of masks for mask_files  [SEQUENCE/masks]")
+      ->type_name("DIR");
+  command->add_option("--camera", s.camera, "fr1, fr2, fr3, bonn or a YAML file")
+      ->type_name("NAME|FILE");
+  command->add_option("--frames", s.frames, "Only the first N frames  [all]")
+      ->check(CLI::PositiveNumber)
+      ->type_name("N");
+  command->footer(R"(
+Example:
+  stillpoint segment walk --segmenter mask_files --masks old_masks --out walk/masks
+
+Writes one 8-bit PNG per color picture that the segmenter has a result for, named by the color file's
+stem: 0 = background, k = object k. `stillpoint run --segmenter mask_files --masks DIR` reads them.)");
+  command->callback([options] { segment(*options); });
+}
+
+}  // namespace stillpoint::cli

@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <memory>
+
+#include "run_job.hpp"
+#include "stillpoint/core/camera.hpp"
+#include "stillpoint/front_end.hpp"
+#include "stillpoint/io/tum_sequence.hpp"
+#include "stillpoint/segmentation/segmenter.hpp"
+#include "stillpoint/tracking/tracker.hpp"
+
+namespace stillpoint::cli {
+
+// From what the user wrote to the objects that do the work. All throw Error listing the choices.
+
+/// Opens the sequence with the camera that was named, or its own camera.yaml.
+TumSequence open_sequence(const std::filesystem::path& folder, const std::string& camera);
+
+/// Fills in segmenter and masks where the user left them open.
+void choose_segmenter(RunSettings& settings);
+
+/// Null for "none".
+std::unique_ptr<Segmenter> make_segmenter(const RunSettings& settings, const TumSequence& sequence);
+
+std::unique_ptr<Tracker> make_tracker(const RunSettings& settings, const Camera& camera);
+
+/// The preset with what was left out; the seed is added to those of the preset.
+FrontEndSettings front_end_settings(const RunSettings& settings);
+
+}  // namespace stillpoint::cli
