@@ -36,18 +36,21 @@ class RememberedObject {
   int missed = 0;
   bool alive = true;
 
-  /// Takes over what a frame shows of the object: `instance` in `frame`. Copies the mask; O(box).
-  void observe(const RgbdFrame& frame, const Instance& instance, bool keep_patch) {
+  /// Takes over what a frame shows of the object: `instance` in `frame`, where `limit` (unless null
+  /// or a bare box) covers it too. Copies the mask; O(box).
+  void observe(const RgbdFrame& frame, const Instance& instance, const Instance* limit,
+               bool keep_patch) {
     class_name = instance.class_name;
     score = instance.score;
-    box_ = instance.box;
+    if (limit && limit->mask.empty()) limit = nullptr;
+    box_ = limit ? instance.box & limit->box : instance.box;
     mask_.resize(static_cast<std::size_t>(box_.area()));
     for (int y = 0; y < box_.height; ++y) {
       uchar* to = mask_.data() + static_cast<std::size_t>(y) * static_cast<std::size_t>(box_.width);
-      if (instance.mask.empty())
-        std::fill(to, to + box_.width, uchar{255});
-      else
-        std::copy_n(instance.mask.ptr<uchar>(y), box_.width, to);
+      const uchar* in = row_at(instance, y);
+      const uchar* also = limit ? row_at(*limit, y) : nullptr;
+      for (int x = 0; x < box_.width; ++x)
+        to[x] = (!in || in[x]) && (!also || also[x]) ? uchar{255} : uchar{0};
     }
     if (keep_patch) patch_.sample(frame.color, instance);
     sample_points(frame);
@@ -159,6 +162,13 @@ class RememberedObject {
   float predicted_depth_m() const { return predicted_z_; }
 
  private:
+  // The row of an instance's mask at row y and the left end of box_; null for a bare box.
+  const uchar* row_at(const Instance& instance, int y) const {
+    return instance.mask.empty()
+               ? nullptr
+               : instance.mask.ptr<uchar>(box_.y + y - instance.box.y) + (box_.x - instance.box.x);
+  }
+
   // Pixels spread over the mask, and pixels around it that show something else.
   void sample_points(const RgbdFrame& frame) {
     inside_.clear(), ring_.clear(), depths_.clear();

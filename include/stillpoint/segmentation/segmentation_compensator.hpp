@@ -69,8 +69,8 @@ class SegmentationCompensator {
     return output_;
   }
 
-  /// Replaces the masks in memory by better ones of the same instances (in the order that
-  /// compensate() returned), for instance after depth fusion. Optional.
+  /// Trims the masks in memory to those of `refined`, the same instances (in the order that
+  /// compensate() returned) after depth fusion; bare boxes take its masks over. Optional.
   void remember(const RgbdFrame& frame, const std::vector<Instance>& refined) {
     detail::check(refined.size() == owner_.size(), [&] {
       return "remember: expected one instance for each of compensate(), " +
@@ -80,18 +80,12 @@ class SegmentationCompensator {
       if (owner_[i] < 0) continue;
       RememberedObject& object = objects_[static_cast<std::size_t>(owner_[i])];
       const Instance& instance = refined[i];
-      const cv::Rect tight = instance.mask.empty() ? cv::Rect(cv::Point(), instance.box.size())
-                                                   : mask_bounds(instance.mask);
-      if (tight.area() < kSmallestPx) {
+      // What the fusion added is not remembered: it would flow on into the furniture beside it.
+      object.observe(frame, instance, &output_.instances[i], false);
+      if (object.inside().size() < kFewestPoints) {
         object.alive = object.missed == 0 && object.seen_s == frame.timestamp;
         continue;
       }
-      Instance trimmed;
-      trimmed.class_name = instance.class_name;
-      trimmed.score = instance.score;
-      trimmed.box = tight + instance.box.tl();
-      if (!instance.mask.empty()) trimmed.mask = instance.mask(tight);
-      object.observe(frame, trimmed, false);
       object.add_place(frame.timestamp, settings_.corner_history, history());
     }
   }
@@ -112,7 +106,7 @@ class SegmentationCompensator {
   }
 
  private:
-  static constexpr int kSmallestPx = 60;
+  static constexpr std::size_t kFewestPoints = 4;
 
   std::size_t history() const { return static_cast<std::size_t>(settings_.history); }
 
@@ -290,7 +284,7 @@ class SegmentationCompensator {
       owner_[i] = new_number_[static_cast<std::size_t>(owner_[i])];
       if (owner_[i] < 0) continue;
       RememberedObject& object = objects_[static_cast<std::size_t>(owner_[i])];
-      object.observe(frame, output_.instances[i], true);
+      object.observe(frame, output_.instances[i], nullptr, true);
       object.add_place(frame.timestamp, settings_.corner_history, history());
     }
   }
