@@ -22,6 +22,9 @@ struct Instance {
   /// CV_8UC1 of the box's size, 255 = object, 0 = not. Empty: only the box is known, and the depth
   /// fusion carves the object out of it.
   cv::Mat mask;
+  /// Distance at which the object is expected, metres; 0: not known. Segmenters leave it alone, the
+  /// compensator fills it in for objects that it remembers.
+  float depth_m = 0;
 };
 
 /// What a segmenter says of one frame.

@@ -184,20 +184,7 @@ class InstanceRegion {
       if (b + 1 < kBins) sum += histogram_[static_cast<std::size_t>(b) + 1];
       return sum;
     };
-    // A careless mask takes in the wall behind: of the modes that matter the nearest is the person.
-    int peak = 0;
-    for (int b = 1; b < kBins; ++b)
-      if (smooth(b) > smooth(peak)) peak = b;
-    for (int b = 1, mode = 0, mass = 0; b < peak; ++b) {
-      mass += histogram_[static_cast<std::size_t>(b)];
-      if (smooth(b) > smooth(mode)) mode = b;
-      if (4 * smooth(b) >= smooth(mode)) continue;
-      if (5 * mass > total && smooth(mode) > 0) {  // the mode has ended before the peak
-        peak = mode;
-        break;
-      }
-      mode = b, mass = 0;
-    }
+    const int peak = main_mode(instance.depth_m, total, smooth);
     const int enough = std::max(1, smooth(peak) / 25);
     int lo = peak, hi = peak;
     const int reach = static_cast<int>(0.7f / kBinM);
@@ -207,6 +194,35 @@ class InstanceRegion {
     hi_m_ = static_cast<float>(hi + 1) * kBinM;
     middle_m_ = (static_cast<float>(peak) + 0.5f) * kBinM;
     return true;
+  }
+
+  // The bin of the histogram where the object is: where it was expected, if it is there, else the
+  // nearest mode that matters, for a careless mask takes in the wall behind.
+  template <class Smooth>
+  int main_mode(float expected_m, int total, const Smooth& smooth) const {
+    const auto highest = [&](int from, int to) {
+      int best = from;
+      for (int b = from + 1; b <= to; ++b)
+        if (smooth(b) > smooth(best)) best = b;
+      return best;
+    };
+    const int largest = highest(0, kBins - 1);
+    if (expected_m > 0) {
+      const int at = std::min(kBins - 1, static_cast<int>(expected_m / kBinM));
+      const int reach = static_cast<int>(0.35f / kBinM);
+      const int from = std::max(0, at - reach), to = std::min(kBins - 1, at + reach);
+      int mass = 0;
+      for (int b = from; b <= to; ++b) mass += histogram_[static_cast<std::size_t>(b)];
+      if (mass * 8 > total) return highest(from, to);
+    }
+    for (int b = 1, mode = 0, mass = 0; b < largest; ++b) {
+      mass += histogram_[static_cast<std::size_t>(b)];
+      if (smooth(b) > smooth(mode)) mode = b;
+      if (4 * smooth(b) >= smooth(mode)) continue;
+      if (5 * mass > total && smooth(mode) > 0) return mode;  // it has ended before the largest
+      mode = b, mass = 0;
+    }
+    return largest;
   }
 
   void sample_cells(const DepthView& depth, const Instance& instance) {

@@ -175,6 +175,8 @@ class SegmentationCompensator {
       if (instance_of_[pair.object] >= 0 || owner_[pair.instance] >= 0) continue;
       instance_of_[pair.object] = static_cast<int>(pair.instance);
       owner_[pair.instance] = static_cast<int>(pair.object);
+      if (settings_.use_depth)
+        output_.instances[pair.instance].depth_m = objects_[pair.object].predicted_depth_m();
     }
   }
 
@@ -252,6 +254,7 @@ class SegmentationCompensator {
       instance = &output_.instances.back();
       instance->class_name = object.class_name;
       instance->score = object.score;
+      instance->depth_m = settings_.use_depth ? object.predicted_depth_m() : 0;
     }
     instance->box = area;
     instance->mask = mask;

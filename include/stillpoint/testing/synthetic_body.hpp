@@ -1,0 +1,127 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include "stillpoint/testing/synthetic_clothes.hpp"
+#include "stillpoint/testing/synthetic_surface.hpp"
+
+namespace stillpoint::synthetic {
+
+/// How a person looks.
+struct Outfit {
+  int shirt = 0, trousers = 0, face = 0, skin = 0, leather = 0, carton = 0;
+  double height_m = 1.75, width = 1;
+  bool long_sleeves = true;
+};
+
+/// Where a person's joints are, metres in the world. `facing` is level.
+struct Pose {
+  Vec3 facing{0, 1, 0};
+  Vec3 pelvis, chest, head;
+  /// Left, right.
+  Vec3 shoulder[2], elbow[2], wrist[2], hip[2], knee[2], ankle[2], toe_direction[2];
+  Vec3 chest_facing{0, 1, 0}, head_facing{0, 1, 0};
+  bool carries = false;
+};
+
+/// A joint between `from` and `to` with bones of the given lengths, bent toward `side`. When `to`
+/// is out of reach it is drawn nearer.
+inline Vec3 bend_joint(Vec3 from, Vec3& to, double upper, double lower, Vec3 side) {
+  Vec3 d = to - from;
+  double reach = norm(d);
+  const double longest = (upper + lower) * 0.998;
+  if (reach > longest) to = from + d * (longest / reach), d = to - from, reach = longest;
+  const double along = (upper * upper - lower * lower + reach * reach) / (2 * reach);
+  const double out = std::sqrt(std::max(0.0, upper * upper - along * along));
+  const Vec3 axis = d * (1 / reach);
+  return from + axis * along + normalized(side - axis * dot(side, axis)) * out;
+}
+
+/// Turns a pose into round parts (and the quads of a carried carton) with the person's label.
+class Body {
+ public:
+  Body(const Outfit& outfit, std::uint8_t label, const std::vector<Texture>& textures,
+       MovingThings& out)
+      : outfit_(outfit), label_(label), textures_(textures), out_(out) {}
+
+  void build(const Pose& pose) {
+    const double k = outfit_.height_m / 1.75, w = k * outfit_.width;
+    const Vec3 up{0, 0, 1};
+    // Trunk: belly and chest, shoulders, pelvis, neck, head.
+    limb(pose.pelvis + up * (0.02 * k), pose.chest, pose.chest_facing, 0.115 * w, 0.125 * w, 0.86,
+         1.34, outfit_.shirt, kTorso, {0, 0, 512, 256});
+    const Vec3 left = cross(up, pose.chest_facing);
+    limb(pose.shoulder[0] - left * (0.02 * k), pose.shoulder[1] + left * (0.02 * k), up, 0.072 * k,
+         0.072 * k, 1, 1.05, outfit_.shirt, kTorso, {0, 0, 256, 180});
+    limb(pose.chest - up * (0.05 * k), pose.chest + up * (0.05 * k), pose.chest_facing, 0.135 * w,
+         0.10 * w, 0.84, 1.3, outfit_.shirt, kTorso, {0, 0, 512, 110});
+    limb(pose.pelvis - up * (0.09 * k), pose.pelvis + up * (0.03 * k), pose.facing, 0.118 * w,
+         0.12 * w, 0.92, 1.28, outfit_.trousers, kTorso, {0, 0, 512, 100});
+    limb(pose.chest + up * (0.08 * k), pose.head - up * (0.04 * k), pose.head_facing, 0.056 * k,
+         0.052 * k, 1, 1, outfit_.skin, kHead, {0, 0, 128, 48});
+    limb(pose.head - up * (0.045 * k) + pose.head_facing * (0.012 * k), pose.head + up * (0.04 * k),
+         pose.head_facing, 0.074 * k, 0.088 * k, 1.12, 0.94, outfit_.face, kHead, {0, 0, 256, 256});
+    for (int i = 0; i < 2; ++i) {
+      const Limb arm = i == 0 ? kLeftArm : kRightArm, leg = i == 0 ? kLeftLeg : kRightLeg;
+      const int sleeve = outfit_.long_sleeves ? outfit_.shirt : outfit_.skin;
+      const float shift = i == 0 ? 20.0f : 290.0f;
+      limb(pose.shoulder[i], pose.elbow[i], pose.chest_facing, 0.062 * w, 0.046 * w, 1, 1,
+           outfit_.shirt, arm, {shift, 30, 180, 170});
+      limb(pose.elbow[i], pose.wrist[i], pose.chest_facing, 0.045 * w, 0.034 * w, 1, 1, sleeve, arm,
+           {shift + 60, 10, 150, 140});
+      const Vec3 hand = normalized(pose.wrist[i] - pose.elbow[i]);
+      limb(pose.wrist[i] + hand * (0.02 * k), pose.wrist[i] + hand * (0.11 * k), pose.chest_facing,
+           0.036 * k, 0.028 * k, 1, 0.6, outfit_.skin, arm, {0, 0, 100, 100});
+      limb(pose.hip[i], pose.knee[i], pose.facing, 0.092 * w, 0.064 * w, 1, 1, outfit_.trousers,
+           leg, {shift, 0, 280, 250});
+      limb(pose.knee[i], pose.ankle[i], pose.facing, 0.062 * w, 0.044 * w, 1, 1, outfit_.trousers,
+           leg, {shift + 40, 20, 210, 230});
+      const Vec3 toe = pose.toe_direction[i];
+      const Vec3 sole = normalized(cross(cross(toe, up), toe)) * (-0.048 * k);
+      limb(pose.ankle[i] + sole - toe * (0.045 * k), pose.ankle[i] + sole + toe * (0.155 * k), up,
+           0.046 * k, 0.036 * k, 1, 0.95, outfit_.leather, leg, {0, 0, 128, 128});
+      const Vec3 foot = pose.ankle[i] + toe * (0.05 * k);
+      out_.shadows.push_back({foot.x, foot.y, 0.24, 0.55 * clamp01(1.25 - 2.5 * foot.z)});
+    }
+    out_.shadows.push_back({pose.pelvis.x, pose.pelvis.y, 0.62, 0.42});
+    if (pose.carries) carton(pose);
+  }
+
+ private:
+  struct TexturePart {
+    float u, v, around, along;
+  };
+
+  void limb(Vec3 from, Vec3 to, Vec3 front, double r0, double r1, double deep, double wide,
+            int texture, Limb limb, TexturePart part) {
+    RoundPart p;
+    p.length = norm(to - from);
+    if (p.length < 1e-3) return;
+    r0 = std::min(r0, r1 + 0.95 * p.length), r1 = std::min(r1, r0 + 0.95 * p.length);
+    p.frame.z = (to - from) * (1 / p.length);
+    const Vec3 side = front - p.frame.z * dot(front, p.frame.z);
+    p.frame.x =
+        norm(side) > 0.05 ? normalized(side) : normalized(Vec3{0, 0, 1} - p.frame.z * p.frame.z.z);
+    p.frame.y = cross(p.frame.z, p.frame.x), p.frame.origin = from;
+    p.radius0 = r0, p.radius1 = r1, p.stretch_x = deep, p.stretch_y = wide;
+    p.texture = texture, p.label = label_, p.limb = limb;
+    p.texel_u = part.u, p.texel_v = part.v;
+    p.texels_around = part.around, p.texels_along = part.along;
+    out_.parts.push_back(p);
+  }
+
+  void carton(const Pose& pose) {
+    Frame f;
+    f.y = pose.chest_facing, f.x = cross(f.y, f.z);
+    f.origin = (pose.wrist[0] + pose.wrist[1]) * 0.5 + f.y * 0.09 - f.z * 0.12;
+    Quad pattern;
+    pattern.label = label_;
+    append_box(out_.quads, f, {0.36, 0.27, 0.27}, outfit_.carton, textures_, 0, pattern);
+  }
+
+  const Outfit& outfit_;
+  std::uint8_t label_;
+  const std::vector<Texture>& textures_;
+  MovingThings& out_;
+};
+
+}  // namespace stillpoint::synthetic

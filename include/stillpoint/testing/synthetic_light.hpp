@@ -1,0 +1,98 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+
+#include "stillpoint/testing/synthetic_surface.hpp"
+
+/// Light maps of the static scene, made once: lamps at the ceiling with soft shadows, and ambient
+/// light that furniture keeps off.
+namespace stillpoint::synthetic {
+
+/// The room's inside: -half_x..half_x, y0..y1, 0..height.
+struct RoomExtent {
+  double half_x = 4.9, y0 = -4.0, y1 = 4.1, height = 2.8;
+};
+
+/// True where the segment from `p` to `p + d` meets the box. The first millimetres at `p` do not
+/// count, so that a surface does not shade itself.
+inline bool is_blocked(const Occluder& box, Vec3 p, Vec3 d) {
+  const Vec3 o = p - box.frame.origin;
+  const double start[3] = {dot(o, box.frame.x), dot(o, box.frame.y), dot(o, box.frame.z)};
+  const double way[3] = {dot(d, box.frame.x), dot(d, box.frame.y), dot(d, box.frame.z)};
+  const double low[3] = {-box.size.x / 2, -box.size.y / 2, 0};
+  const double high[3] = {box.size.x / 2, box.size.y / 2, box.size.z};
+  double near = 0.004 / std::max(1e-9, norm(d)), far = 1;
+  for (int i = 0; i < 3; ++i) {
+    if (way[i] < 1e-9 && way[i] > -1e-9) {
+      if (start[i] < low[i] || start[i] > high[i]) return false;
+      continue;
+    }
+    double a = (low[i] - start[i]) / way[i], b = (high[i] - start[i]) / way[i];
+    if (a > b) std::swap(a, b);
+    near = std::max(near, a), far = std::min(far, b);
+    if (near >= far) return false;
+  }
+  return true;
+}
+
+inline bool is_blocked(const std::vector<Occluder>& boxes, Vec3 p, Vec3 d) {
+  for (const Occluder& box : boxes)
+    if (is_blocked(box, p, d)) return true;
+  return false;
+}
+
+/// Light at a point with normal `n`: 1 is white paper under the lamps. `seed` moves the samples.
+inline float light_at(const std::vector<Occluder>& boxes, const RoomExtent& room, Vec3 p, Vec3 n,
+                      std::uint64_t seed) {
+  Random random(seed);
+  double light = 0;
+  constexpr int kLamps = 6, kAmbient = 14;
+  for (int i = 0; i < kLamps; ++i) {
+    const Vec3 lamp{(i % 3 - 1) * room.half_x * 0.6 + random.range(-0.6, 0.6),
+                    (i / 3 - 0.5) * (room.y1 - room.y0) * 0.5 + random.range(-0.3, 0.3),
+                    room.height - 0.02};
+    const Vec3 d = lamp - p;
+    const double r2 = dot(d, d), r = std::sqrt(r2), facing = dot(n, d) / r;
+    if (facing <= 0) continue;
+    if (is_blocked(boxes, p, d)) continue;
+    light += 1.5 * facing * (d.z / r) / (1 + r2);
+  }
+  double open = 0;
+  for (int i = 0; i < kAmbient; ++i) {
+    Vec3 d;
+    do {
+      d = {random.range(-1, 1), random.range(-1, 1), random.range(-1, 1)};
+    } while (dot(d, d) > 1 || dot(d, d) < 0.01);
+    d = normalized(normalized(d) + n * 1.02);
+    const Vec3 end = p + d * 0.9;
+    const bool outside = end.x < -room.half_x || end.x > room.half_x || end.y < room.y0 ||
+                         end.y > room.y1 || end.z < 0 || end.z > room.height;
+    open += outside ? 0.6 : is_blocked(boxes, p, d * 0.9) ? 0.25 : 1;
+  }
+  return static_cast<float>(0.16 + 0.5 * open / kAmbient + light);
+}
+
+/// Gives every quad of the scene its light map; cells of about 0.25 m, at least 2 x 2 samples.
+inline void make_light_maps(StaticScene& scene, const RoomExtent& room) {
+  std::uint64_t number = 0;
+  for (Quad& quad : scene.quads) {
+    ++number;
+    if (quad.glow > 0) continue;
+    const auto samples = [](double length_m) {
+      return std::min(34, 2 + static_cast<int>(length_m / 0.28));
+    };
+    LightMap& map = quad.light_map;
+    map.columns = samples(norm(quad.edge_u)), map.rows = samples(norm(quad.edge_v));
+    const Vec3 n = quad.normal();
+    for (int j = 0; j < map.rows; ++j)
+      for (int i = 0; i < map.columns; ++i) {
+        const double u = 0.02 + 0.96 * i / (map.columns - 1), v = 0.02 + 0.96 * j / (map.rows - 1);
+        map.light.push_back(light_at(scene.occluders, room, quad.point(u, v) + n * 0.006, n,
+                                     hash(number, static_cast<std::uint64_t>(j * 64 + i))));
+      }
+  }
+}
+
+}  // namespace stillpoint::synthetic
