@@ -288,6 +288,37 @@ class InstanceRegion {
       const int y_end = std::min((cy + 1) * cell, area_.height);
       for (int y = cy * cell; y < y_end; ++y) write_row(depth, instance, y, any, out.ptr<uchar>(y));
     }
+    claim_unmeasured_rim(depth, out);
+  }
+
+  // The camera measures nothing right at an object's outline: such a pixel beside the object is
+  // its.
+  void claim_unmeasured_rim(const DepthView& depth, cv::Mat& out) {
+    const std::size_t w = static_cast<std::size_t>(out.cols);
+    for (auto& row : rim_rows_) row.assign(w, 0);
+    const auto widen = [&](int y, std::vector<uchar>& row) {
+      if (y >= out.rows) {
+        std::fill(row.begin(), row.end(), uchar{0});
+        return;
+      }
+      const uchar* in = out.ptr<uchar>(y);
+      row[0] = static_cast<uchar>(in[0] | (w > 1 ? in[1] : 0));
+      for (std::size_t x = 1; x + 1 < w; ++x)
+        row[x] = static_cast<uchar>(in[x - 1] | in[x] | in[x + 1]);
+      if (w > 1) row[w - 1] = static_cast<uchar>(in[w - 2] | in[w - 1]);
+    };
+    // Rows are widened before they are written: the rim does not grow on itself.
+    widen(0, rim_rows_[1]);
+    for (int y = 0; y < out.rows; ++y) {
+      widen(y + 1, rim_rows_[2]);
+      const uchar *a = rim_rows_[0].data(), *b = rim_rows_[1].data(), *c = rim_rows_[2].data();
+      const std::uint16_t* z = depth.row(area_.y + y) + area_.x;
+      uchar* to = out.ptr<uchar>(y);
+      for (std::size_t x = 0; x < w; ++x)
+        to[x] = static_cast<uchar>(to[x] | (z[x] == 0 ? a[x] | b[x] | c[x] : 0));
+      std::swap(rim_rows_[0], rim_rows_[1]);
+      std::swap(rim_rows_[1], rim_rows_[2]);
+    }
   }
 
   // The range of depths of a cell's pixels: what its own and its neighbors' samples took.
@@ -351,6 +382,7 @@ class InstanceRegion {
   std::vector<Visit> queue_;
   std::vector<std::uint16_t> lo_, span_;
   std::vector<uchar> use_;
+  std::array<std::vector<uchar>, 3> rim_rows_;
 };
 
 }  // namespace stillpoint
