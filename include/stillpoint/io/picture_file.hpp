@@ -84,9 +84,12 @@ inline std::string jpeg_problem(const std::string& bytes) {
     const bool is_frame =
         marker >= 0xC0 && marker <= 0xCF && marker != 0xC4 && marker != 0xC8 && marker != 0xCC;
     if (is_frame && length >= 8) {
-      const std::string problem =
-          size_problem(big_endian(bytes, at + 5, 2), big_endian(bytes, at + 3, 2));
+      const std::uint64_t height = big_endian(bytes, at + 3, 2);
+      const std::uint64_t width = big_endian(bytes, at + 5, 2);
+      const std::string problem = size_problem(width, height);
       if (!problem.empty()) return problem;
+      // Each block of 8x8 takes at least a bit.
+      if (width * height / 1024 > bytes.size()) return "too little data for its size";
       seen_size = true;
     }
     at += length;
@@ -118,7 +121,7 @@ inline cv::Mat decode(const std::string& bytes, int flags) {
   }
 }
 
-/// Reads a PNG, JPEG or TIFF file. Throws Error if it is missing, of another format, truncated or
+/// Reads a PNG or JPEG file. Throws Error if it is missing, of another format, truncated or
 /// cannot be decoded; never returns an empty or half a picture.
 inline cv::Mat read_picture(const std::filesystem::path& path, int flags, const std::string& what) {
   const std::string bytes = read_file(path, what);
@@ -126,7 +129,6 @@ inline cv::Mat read_picture(const std::filesystem::path& path, int flags, const 
     return bytes.compare(0, magic.size(), magic) == 0;
   };
   const bool png = begins("\x89PNG\r\n\x1A\n"), jpeg = begins("\xFF\xD8");
-  const bool tiff = begins(std::string("II*\0", 4)) || begins(std::string("MM\0*", 4));
   std::string problem;
   if (bytes.empty())
     problem = "an empty file";
@@ -136,7 +138,7 @@ inline cv::Mat read_picture(const std::filesystem::path& path, int flags, const 
     problem = png_problem(bytes);
   else if (jpeg)
     problem = jpeg_problem(bytes);
-  else if (!tiff)
+  else
     problem = "another kind of file";
   cv::Mat picture;
   if (problem.empty()) {
@@ -159,14 +161,14 @@ inline cv::Mat read_color(const std::filesystem::path& path) {
                               "color picture");
 }
 
-/// Reads a depth picture: a 16-bit PNG as CV_16UC1 in stored units, or a 32-bit TIFF as CV_32FC1 in
-/// metres. Throws Error if it is of another type, and as detail::read_picture().
+/// Reads a depth picture, a 16-bit gray PNG, as CV_16UC1 in stored units. Throws Error if it is of
+/// another type, and as detail::read_picture().
 inline cv::Mat read_depth(const std::filesystem::path& path) {
   cv::Mat depth = detail::read_picture(path, cv::IMREAD_UNCHANGED, "depth picture");
-  detail::check(depth.type() == CV_16UC1 || depth.type() == CV_32FC1, [&] {
+  detail::check(depth.type() == CV_16UC1, [&] {
     return "depth picture " + path.string() +
-           ": expected one channel of 16 bits (CV_16UC1) or of metres (CV_32FC1), found " +
-           detail::type_text(depth) + "; write depth as a 16-bit gray PNG";
+           ": expected one channel of 16 bits (CV_16UC1), found " + detail::type_text(depth) +
+           "; write depth as a 16-bit gray PNG";
   });
   return depth;
 }
