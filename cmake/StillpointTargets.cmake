@@ -5,7 +5,8 @@ include(${CMAKE_CURRENT_LIST_DIR}/StillpointFind.cmake)
 
 # An INTERFACE target `name` with alias stillpoint::<name without stillpoint_> over include/ or, for
 # a back end, over its own include folder `include_dir`. It becomes a find_package component of that
-# name (the target `stillpoint` itself: component `core`).
+# name (the target `stillpoint` itself: component `core`). All headers are checked without RTTI; a back
+# end whose dependency needs it says set_property(GLOBAL PROPERTY STILLPOINT_NEEDS_RTTI_<name> ON).
 function(stillpoint_interface_target name include_dir)
   add_library(${name} INTERFACE)
   string(REGEX REPLACE "^stillpoint_" "" export_name ${name})
@@ -17,6 +18,7 @@ function(stillpoint_interface_target name include_dir)
   endif()
   target_include_directories(${name} INTERFACE $<BUILD_INTERFACE:${include_dir}>
                                                $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}>)
+  set_property(GLOBAL PROPERTY STILLPOINT_INCLUDE_DIR_${name} ${include_dir})
   set_property(GLOBAL APPEND PROPERTY STILLPOINT_INSTALL_TARGETS ${name})
   set_property(GLOBAL APPEND PROPERTY STILLPOINT_INSTALL_INCLUDE_DIRS ${include_dir})
 endfunction()

@@ -1,0 +1,21 @@
+# Installs the build BUILD to FIRST and moves that to MOVED: what depends on the place of
+# installation breaks.
+file(REMOVE_RECURSE ${FIRST} ${MOVED})
+execute_process(COMMAND ${CMAKE_COMMAND} --install ${BUILD} --prefix ${FIRST} --config "${CONFIG}"
+                RESULT_VARIABLE result OUTPUT_VARIABLE output ERROR_VARIABLE output)
+if(NOT result EQUAL 0)
+  message(FATAL_ERROR "cmake --install failed:\n${output}")
+endif()
+file(RENAME ${FIRST} ${MOVED})
+if(NOT EXISTS ${MOVED}/include/stillpoint/version.hpp)
+  message(FATAL_ERROR "the headers are not in include/stillpoint")
+endif()
+file(GLOB_RECURSE files ${MOVED}/*.cmake ${MOVED}/*.pc)
+foreach(file IN LISTS files)
+  file(READ ${file} text)
+  string(FIND "${text}" "${FIRST}" at_prefix)
+  string(FIND "${text}" "${BUILD}" at_build)
+  if(NOT at_prefix EQUAL -1 OR NOT at_build EQUAL -1)
+    message(FATAL_ERROR "${file} names the place of installation or of building:\n${text}")
+  endif()
+endforeach()
