@@ -177,14 +177,14 @@ class BasicFrontEnd {
 
     Clock::time_point start = Clock::now();
     const Segmentation* instances = &dynamic_;
-    if (settings_.use_compensation)
-      instances = &compensator_.compensate(frame, dynamic_, T_current_last);
+    if (settings_.use_compensation) instances = &compensator_.mend(frame, dynamic_, T_current_last);
     stats_.compensation_ms = milliseconds_since(start);
 
     start = Clock::now();
     const DynamicMask& fused = fuser_.fuse(frame, *instances, settings_.use_depth);
-    if (settings_.use_compensation && settings_.compensation.use_depth)
-      compensator_.remember(frame, fuser_.instances());
+    if (settings_.use_compensation)
+      compensator_.remember(
+          frame, settings_.compensation.use_depth ? fuser_.instances() : instances->instances);
     stats_.depth_ms = milliseconds_since(start);
 
     mask_.image = fused.image;

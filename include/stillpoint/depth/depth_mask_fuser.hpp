@@ -10,12 +10,12 @@
 #include <vector>
 
 #include "stillpoint/core/camera.hpp"
+#include "stillpoint/core/depth_view.hpp"
 #include "stillpoint/core/frame.hpp"
 #include "stillpoint/core/instance.hpp"
 #include "stillpoint/core/mask.hpp"
 #include "stillpoint/core/status.hpp"
 #include "stillpoint/depth/depth_mask_fuser_settings.hpp"
-#include "stillpoint/depth/depth_view.hpp"
 #include "stillpoint/depth/dilate.hpp"
 #include "stillpoint/depth/instance_region.hpp"
 

@@ -8,10 +8,10 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
+#include "stillpoint/core/depth_view.hpp"
 #include "stillpoint/core/instance.hpp"
 #include "stillpoint/core/random.hpp"
 #include "stillpoint/depth/depth_mask_fuser_settings.hpp"
-#include "stillpoint/depth/depth_view.hpp"
 #include "stillpoint/depth/dilate.hpp"
 #include "stillpoint/depth/floor_plane.hpp"
 

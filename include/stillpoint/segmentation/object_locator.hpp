@@ -4,9 +4,11 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
 #include <opencv2/core.hpp>
 #include <vector>
 
+#include "stillpoint/core/depth_view.hpp"
 #include "stillpoint/core/frame.hpp"
 #include "stillpoint/core/instance.hpp"
 #include "stillpoint/segmentation/remembered_object.hpp"
@@ -21,20 +23,19 @@ class ObjectLocator {
   explicit ObjectLocator(const SegmentationCompensatorSettings& settings) : settings_(settings) {}
 
   /// Moves the object's prediction to where it is found; false if it is not there (any more).
-  /// O(search places x 400 points).
-  bool locate(const RgbdFrame& frame, RememberedObject& object) const {
-    if (share_in_picture(frame, object) < 0.15) return false;
-    if (settings_.use_depth && !frame.depth.empty() && object.depth_m() > 0) {
-      align_by_depth(frame, object);
-      const Support s = support(frame, object, {0, 0});
+  /// `depth` may be empty. O(search places x 300 points).
+  bool locate(const RgbdFrame& frame, const DepthView& depth, RememberedObject& object) {
+    if (share_in_picture(object, frame.color.size()) < 0.15) return false;
+    if (!depth.empty() && object.depth_m() > 0) {
+      align_by_depth(depth, object);
+      const Support s = support(depth, {0, 0});
       if (s.measured >= 12)
         return s.agree >= settings_.min_depth_support * static_cast<double>(s.measured);
     }
     if (object.patch().empty()) return true;
     const auto corner = object.predicted(
         {static_cast<float>(object.box().x), static_cast<float>(object.box().y), 0});
-    const cv::Point start(static_cast<int>(std::lround(corner.x)),
-                          static_cast<int>(std::lround(corner.y)));
+    const cv::Point start(round(corner.x), round(corner.y));
     cv::Point found = start;
     if (object.patch().locate(frame.color, settings_.search_px, found) <
         settings_.min_template_score)
@@ -44,28 +45,35 @@ class ObjectLocator {
     return true;
   }
 
-  /// Share of the object's predicted pixels that no instance covers although, as far as the depth
-  /// can tell, the object is there.
-  double missing_share(const RgbdFrame& frame, const RememberedObject& object,
-                       const std::vector<Instance>& instances, std::size_t count) const {
-    std::size_t total = 0, missing = 0;
-    const bool use_depth = settings_.use_depth && !frame.depth.empty() && object.depth_m() > 0;
+  /// Share of the object's predicted pixels that the instance holds.
+  double share_in(const RememberedObject& object, const Instance& instance) const {
+    int held = 0;
     for (const auto& point : object.inside()) {
       const auto p = object.predicted(point);
-      const int x = static_cast<int>(std::floor(p.x + 0.5f)),
-                y = static_cast<int>(std::floor(p.y + 0.5f));
-      if (x < 0 || y < 0 || x >= frame.color.cols || y >= frame.color.rows) continue;
+      held += covers(instance, round(p.x), round(p.y));
+    }
+    return object.inside().empty()
+               ? 0
+               : static_cast<double>(held) / static_cast<double>(object.inside().size());
+  }
+
+  /// Share of the object's predicted pixels in the picture that none of the first `count` instances
+  /// covers although, as far as the depth can tell, the object is there.
+  double missing_share(const DepthView& depth, const cv::Size& size, const RememberedObject& object,
+                       const std::vector<Instance>& instances, std::size_t count) const {
+    std::size_t total = 0, missing = 0;
+    const bool use_depth = !depth.empty() && object.depth_m() > 0;
+    for (const auto& point : object.inside()) {
+      const auto p = object.predicted(point);
+      const int x = round(p.x), y = round(p.y);
+      if (x < 0 || y < 0 || x >= size.width || y >= size.height) continue;
       ++total;
       bool covered = false;
-      for (std::size_t i = 0; i < count && !covered; ++i) {
-        const Instance& s = instances[i];
-        covered = s.box.contains({x, y}) &&
-                  (s.mask.empty() || s.mask.ptr<uchar>(y - s.box.y)[x - s.box.x]);
-      }
+      for (std::size_t i = 0; i < count && !covered; ++i) covered = covers(instances[i], x, y);
       if (covered) continue;
       if (use_depth) {
-        const float z = depth_m_at(frame, x, y);
-        if (z == 0 || std::abs(z - p.z) > tolerance(p.z)) continue;
+        const std::uint16_t z = depth.row(y)[x];
+        if (z == 0 || std::abs(depth.to_m(z) - p.z) > tolerance(p.z)) continue;
       }
       ++missing;
     }
@@ -77,52 +85,75 @@ class ObjectLocator {
     int agree = 0, measured = 0;
     int score = 0;
   };
+  // A predicted pixel and the units of depth that speak for the object there.
+  struct Probe {
+    int x, y;
+    std::uint16_t lo, span;
+  };
 
+  static int round(float v) { return static_cast<int>(std::floor(v + 0.5f)); }
   static float tolerance(float z) { return 0.15f + 0.03f * z; }
 
-  static double share_in_picture(const RgbdFrame& frame, const RememberedObject& object) {
+  static bool covers(const Instance& s, int x, int y) {
+    const int u = x - s.box.x, v = y - s.box.y;
+    return u >= 0 && v >= 0 && u < s.box.width && v < s.box.height &&
+           (s.mask.data == nullptr || s.mask.ptr<uchar>(v)[u] != 0);
+  }
+
+  static double share_in_picture(const RememberedObject& object, const cv::Size& size) {
     std::size_t in = 0;
     for (const auto& point : object.inside()) {
       const auto p = object.predicted(point);
-      in += p.x >= 0 && p.y >= 0 && p.x < static_cast<float>(frame.color.cols) &&
-            p.y < static_cast<float>(frame.color.rows);
+      in += p.x >= 0 && p.y >= 0 && p.x < static_cast<float>(size.width) &&
+            p.y < static_cast<float>(size.height);
     }
     return object.inside().empty()
                ? 0
                : static_cast<double>(in) / static_cast<double>(object.inside().size());
   }
 
-  Support support(const RgbdFrame& frame, const RememberedObject& object,
-                  const cv::Point& shift) const {
+  static Probe make_probe(const DepthView& depth, const RememberedObject::Point& p, float z) {
+    const float slack = tolerance(z);
+    const int lo = std::max(1, depth.to_units(z - slack));
+    return {round(p.x), round(p.y), static_cast<std::uint16_t>(lo),
+            static_cast<std::uint16_t>(std::max(0, depth.to_units(z + slack) - lo))};
+  }
+
+  Support support(const DepthView& depth, const cv::Point& shift) const {
     Support s;
-    const auto depth_at = [&](const RememberedObject::Point& p) {
-      const int x = static_cast<int>(std::floor(p.x + 0.5f)) + shift.x;
-      const int y = static_cast<int>(std::floor(p.y + 0.5f)) + shift.y;
-      return x >= 0 && y >= 0 && x < frame.depth.cols && y < frame.depth.rows
-                 ? depth_m_at(frame, x, y)
-                 : 0.0f;
-    };
-    for (const auto& point : object.inside()) {
-      const auto p = object.predicted(point);
-      const float z = depth_at(p);
-      if (z == 0) continue;
-      ++s.measured;
-      s.agree += std::abs(z - p.z) < tolerance(p.z);
+    const unsigned width = static_cast<unsigned>(depth.size().width);
+    const unsigned height = static_cast<unsigned>(depth.size().height);
+    for (const Probe& p : inside_) {
+      const unsigned x = static_cast<unsigned>(p.x + shift.x),
+                     y = static_cast<unsigned>(p.y + shift.y);
+      if (x >= width || y >= height) continue;
+      const std::uint16_t z = depth.row(static_cast<int>(y))[x];
+      s.measured += z != 0;
+      s.agree += static_cast<std::uint16_t>(z - p.lo) <= p.span;
     }
     int ring = 0;
-    for (const auto& point : object.ring()) {
-      const auto p = object.predicted(point);
-      const float z = depth_at(p);
-      ring += z > 0 && std::abs(z - object.predicted_depth_m()) < tolerance(z);
+    for (const Probe& p : ring_) {
+      const unsigned x = static_cast<unsigned>(p.x + shift.x),
+                     y = static_cast<unsigned>(p.y + shift.y);
+      if (x >= width || y >= height) continue;
+      ring += static_cast<std::uint16_t>(depth.row(static_cast<int>(y))[x] - p.lo) <= p.span;
     }
     s.score = s.agree - ring;
     return s;
   }
 
   // Coarse to fine over the shifts; of equal scores the nearest to the prediction wins.
-  void align_by_depth(const RgbdFrame& frame, RememberedObject& object) const {
+  void align_by_depth(const DepthView& depth, RememberedObject& object) {
+    inside_.clear(), ring_.clear();
+    for (const auto& point : object.inside()) {
+      const auto p = object.predicted(point);
+      inside_.push_back(make_probe(depth, p, p.z));
+    }
+    for (const auto& point : object.ring())
+      ring_.push_back(make_probe(depth, object.predicted(point), object.predicted_depth_m()));
     cv::Point best(0, 0);
-    int best_score = support(frame, object, best).score;
+    int best_score = support(depth, best).score;
+    const auto cost = [](const cv::Point& s) { return (std::abs(s.x) + std::abs(s.y)) / 4; };
     for (int step = std::max(1, settings_.search_px / 3), first = step; step >= 2; step /= 2) {
       const cv::Point center = best;
       const int reach = step == first ? settings_.search_px / step : 1;
@@ -130,16 +161,17 @@ class ObjectLocator {
         for (int x = -reach; x <= reach; ++x) {
           if (x == 0 && y == 0) continue;
           const cv::Point shift = center + cv::Point(x * step, y * step);
-          const int score = support(frame, object, shift).score;
+          const int score = support(depth, shift).score;
           // A far shift must earn its distance.
-          const auto cost = [](const cv::Point& s) { return (std::abs(s.x) + std::abs(s.y)) / 4; };
           if (score - cost(shift) > best_score - cost(best)) best = shift, best_score = score;
         }
     }
     object.shift_prediction(best);
+    for (Probe& p : inside_) p.x += best.x, p.y += best.y;
   }
 
   SegmentationCompensatorSettings settings_;
+  std::vector<Probe> inside_, ring_;
 };
 
 }  // namespace stillpoint

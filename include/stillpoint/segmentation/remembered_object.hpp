@@ -6,12 +6,14 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
 #include <opencv2/core.hpp>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "stillpoint/core/camera.hpp"
+#include "stillpoint/core/depth_view.hpp"
 #include "stillpoint/core/frame.hpp"
 #include "stillpoint/core/instance.hpp"
 #include "stillpoint/segmentation/line_predictor.hpp"
@@ -30,16 +32,16 @@ class RememberedObject {
 
   std::string class_name;
   float score = 1;
-  /// Timestamp of the last frame in which the segmenter showed it, and how many of its results
-  /// since then did not.
+  /// Timestamp of the last frame in which the segmenter showed it.
   double seen_s = 0;
-  int missed = 0;
+  /// How many of the segmenter's results in a row had to be mended.
+  int mended = 0;
   bool alive = true;
 
   /// Takes over what a frame shows of the object: `instance` in `frame`, where `limit` (unless null
   /// or a bare box) covers it too. Copies the mask; O(box).
-  void observe(const RgbdFrame& frame, const Instance& instance, const Instance* limit,
-               bool keep_patch) {
+  void observe(const RgbdFrame& frame, const DepthView& depth, const Instance& instance,
+               const Instance* limit) {
     class_name = instance.class_name;
     score = instance.score;
     if (limit && limit->mask.empty()) limit = nullptr;
@@ -52,8 +54,9 @@ class RememberedObject {
       for (int x = 0; x < box_.width; ++x)
         to[x] = (!in || in[x]) && (!also || also[x]) ? uchar{255} : uchar{0};
     }
-    if (keep_patch) patch_.sample(frame.color, instance);
-    sample_points(frame);
+    // The picture is only looked at where the depth cannot tell.
+    if (depth.empty()) patch_.sample(frame.color, instance);
+    sample_points(frame.color.size(), depth);
   }
 
   /// Adds the object's place (upper-left corner of its box, or centre of its mask) to the history
@@ -170,22 +173,24 @@ class RememberedObject {
   }
 
   // Pixels spread over the mask, and pixels around it that show something else.
-  void sample_points(const RgbdFrame& frame) {
+  void sample_points(const cv::Size& size, const DepthView& depth) {
     inside_.clear(), ring_.clear(), depths_.clear();
     const int margin = std::max(6, std::min(box_.width, box_.height) / 5);
-    const cv::Size size = frame.color.size();
     const cv::Rect around = cv::Rect(box_.x - margin, box_.y - margin, box_.width + 2 * margin,
                                      box_.height + 2 * margin) &
                             cv::Rect(cv::Point(), size);
-    const int step = std::max(2, static_cast<int>(std::sqrt(around.area() / 400.0)));
+    const int step = std::max(2, static_cast<int>(std::sqrt(around.area() / 300.0)));
     double sx = 0, sy = 0;
-    for (int y = around.y + step / 2; y < around.y + around.height; y += step)
+    for (int y = around.y + step / 2; y < around.y + around.height; y += step) {
+      const std::uint16_t* row = depth.empty() ? nullptr : depth.row(y);
+      const bool in_rows = y >= box_.y && y < box_.y + box_.height;
+      const uchar* mask =
+          mask_.data() + (in_rows ? static_cast<std::ptrdiff_t>(y - box_.y) * box_.width : 0);
       for (int x = around.x + step / 2; x < around.x + around.width; x += step) {
         const bool inside =
-            box_.contains({x, y}) &&
-            mask_[static_cast<std::size_t>(y - box_.y) * static_cast<std::size_t>(box_.width) +
-                  static_cast<std::size_t>(x - box_.x)];
-        const Point p = {static_cast<float>(x), static_cast<float>(y), depth_m_at(frame, x, y)};
+            in_rows && x >= box_.x && x < box_.x + box_.width && mask[x - box_.x] != 0;
+        const Point p = {static_cast<float>(x), static_cast<float>(y),
+                         row ? depth.to_m(row[x]) : 0.0f};
         if (!inside) {
           ring_.push_back(p);
           continue;
@@ -194,6 +199,7 @@ class RememberedObject {
         sx += x, sy += y;
         if (p.z > 0) depths_.push_back(p.z);
       }
+    }
     if (!inside_.empty())
       center_ = {sx / static_cast<double>(inside_.size()),
                  sy / static_cast<double>(inside_.size())};

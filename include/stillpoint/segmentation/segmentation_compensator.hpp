@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "stillpoint/core/camera.hpp"
+#include "stillpoint/core/depth_view.hpp"
 #include "stillpoint/core/frame.hpp"
 #include "stillpoint/core/instance.hpp"
 #include "stillpoint/core/status.hpp"
@@ -52,6 +53,15 @@ class SegmentationCompensator {
   const Segmentation& compensate(
       const RgbdFrame& frame, const Segmentation& segmentation,
       const std::optional<Eigen::Isometry3d>& T_current_last = std::nullopt) {
+    mend(frame, segmentation, T_current_last);
+    remember(frame, output_.instances);
+    return output_;
+  }
+
+  /// The first half of compensate(), for callers that have better masks to remember: call
+  /// remember() for the same frame before the next mend().
+  const Segmentation& mend(const RgbdFrame& frame, const Segmentation& segmentation,
+                           const std::optional<Eigen::Isometry3d>& T_current_last = std::nullopt) {
     check_frame(frame);
     const cv::Size size = frame.color.size();
     check_segmentation(segmentation, size);
@@ -65,38 +75,45 @@ class SegmentationCompensator {
     const bool look = settings_.trigger == Settings::Trigger::kPerObject ||
                       !segmentation.available || area_dropped();
     for (std::size_t j = 0; j < objects_.size(); ++j) judge(frame, j, look);
-    remember_all(frame);
     return output_;
   }
 
-  /// Trims the masks in memory to those of `refined`, the same instances (in the order that
-  /// compensate() returned) after depth fusion; bare boxes take its masks over. Optional.
+  /// The second half of compensate(): remembers the instances that mend() returned, trimmed to
+  /// `refined`, the same instances in the same order after depth fusion (bare boxes take its masks
+  /// over). What the fusion added is not remembered: it would flow on into the furniture beside it.
   void remember(const RgbdFrame& frame, const std::vector<Instance>& refined) {
     detail::check(refined.size() == owner_.size(), [&] {
-      return "remember: expected one instance for each of compensate(), " +
+      return "remember: expected one instance for each of mend(), " +
              std::to_string(owner_.size()) + ", found " + std::to_string(refined.size());
     });
-    for (std::size_t i = 0; i < refined.size(); ++i) {
-      if (owner_[i] < 0) continue;
-      RememberedObject& object = objects_[static_cast<std::size_t>(owner_[i])];
-      const Instance& instance = refined[i];
-      // What the fusion added is not remembered: it would flow on into the furniture beside it.
-      object.observe(frame, instance, &output_.instances[i], false);
-      if (object.inside().size() < kFewestPoints) {
-        object.alive = object.missed == 0 && object.seen_s == frame.timestamp;
-        continue;
-      }
-      object.add_place(frame.timestamp, settings_.corner_history, history());
+    last_area_ = 0;
+    for (std::size_t i = 0; i < owner_.size(); ++i) {
+      if (settings_.trigger == Settings::Trigger::kGlobal)
+        last_area_ += area_of(output_.instances[i]);
+      if (owner_[i] >= 0) continue;
+      owner_[i] = static_cast<int>(objects_.size());
+      objects_.emplace_back();
+      objects_.back().seen_s = frame.timestamp;
     }
+    for (std::size_t i = 0; i < owner_.size(); ++i) {
+      RememberedObject& object = objects_[static_cast<std::size_t>(owner_[i])];
+      if (!object.alive) continue;
+      object.observe(frame, depth_, refined[i], &output_.instances[i]);
+      if (object.inside().size() >= kFewestPoints)
+        object.add_place(frame.timestamp, settings_.corner_history, history());
+      else
+        object.alive = false;
+    }
+    forget_dead();
   }
 
-  /// How many objects the last compensate() restored, wholly or partly.
+  /// How many objects the last mend() or compensate() restored, wholly or partly.
   int restored() const { return restored_; }
   /// Age of the newest result of the segmenter at the last frame, seconds; infinity before the
   /// first.
   double age_s() const { return age_s_; }
-  /// Bits of the last compensate(): kNoSegmentation, kNeverSegmented, kMaskStale, kRestored,
-  /// kTimestampOrder.
+  /// Bits of the last mend() or compensate(): kNoSegmentation, kNeverSegmented, kMaskStale,
+  /// kRestored, kTimestampOrder.
   std::uint32_t status() const { return status_; }
   /// Forgets everything (a cut in the sequence).
   void reset() {
@@ -113,6 +130,7 @@ class SegmentationCompensator {
   void begin(const RgbdFrame& frame, const Segmentation& segmentation) {
     status_ = kOk;
     restored_ = 0;
+    if (settings_.use_depth) depth_.set(frame, camera_);
     if (frame.timestamp <= last_s_) {
       reset();
       status_ |= kTimestampOrder;
@@ -142,12 +160,8 @@ class SegmentationCompensator {
   // The paper's trigger r = A_c / A_{c-1} < 0.9.
   bool area_dropped() {
     double area = 0;
-    for (std::size_t i = 0; i < given_; ++i) {
-      const Instance& s = output_.instances[i];
-      area += s.mask.empty() ? s.box.area() : cv::countNonZero(s.mask);
-    }
-    const bool dropped = last_area_ > 0 && area < settings_.area_ratio * last_area_;
-    return dropped;
+    for (std::size_t i = 0; i < given_; ++i) area += area_of(output_.instances[i]);
+    return last_area_ > 0 && area < settings_.area_ratio * last_area_;
   }
 
   // Gives each instance to the object whose predicted points it holds most of.
@@ -157,14 +171,8 @@ class SegmentationCompensator {
       const cv::Rect box = objects_[j].predicted_box(size);
       for (std::size_t i = 0; i < given_; ++i) {
         if ((box & output_.instances[i].box).empty()) continue;
-        int held = 0, total = 0;
-        for (const auto& p : objects_[j].inside()) {
-          const auto q = objects_[j].predicted(p);
-          ++total;
-          held += covers(output_.instances[i], q.x, q.y);
-        }
-        if (total > 0 && held * 4 >= total)
-          pairs_.push_back({static_cast<double>(held) / total, j, i});
+        const double share = locator_.share_in(objects_[j], output_.instances[i]);
+        if (share >= 0.25) pairs_.push_back({share, j, i});
       }
     }
     std::sort(pairs_.begin(), pairs_.end(), [](const Pair& a, const Pair& b) {
@@ -180,21 +188,11 @@ class SegmentationCompensator {
     }
   }
 
-  static bool covers(const Instance& s, float x, float y) {
-    const int u = static_cast<int>(std::floor(x + 0.5f)) - s.box.x;
-    const int v = static_cast<int>(std::floor(y + 0.5f)) - s.box.y;
-    return u >= 0 && v >= 0 && u < s.box.width && v < s.box.height &&
-           (s.mask.empty() || s.mask.ptr<uchar>(v)[u] != 0);
-  }
-
   // Decides what becomes of a remembered object in this frame.
   void judge(const RgbdFrame& frame, std::size_t j, bool look) {
     RememberedObject& object = objects_[j];
     const bool seen = instance_of_[j] >= 0;
-    if (seen) {
-      object.seen_s = frame.timestamp;
-      object.missed = 0;
-    }
+    if (seen) object.seen_s = frame.timestamp;
     const bool too_old = frame.timestamp - object.seen_s > settings_.max_prediction_s;
     if (!seen && too_old) {
       object.alive = false;
@@ -205,17 +203,22 @@ class SegmentationCompensator {
       object.alive = seen;
       return;
     }
-    if (!seen && !locator_.locate(frame, object)) {
+    if (!seen && !locator_.locate(frame, depth_, object)) {
       object.alive = false;
       return;
     }
-    const double missing = locator_.missing_share(frame, object, output_.instances, given_);
+    const double missing =
+        locator_.missing_share(depth_, frame.color.size(), object, output_.instances, given_);
     if (missing <= 1 - settings_.area_ratio) {
       object.alive = seen;  // what is left of it is in another object's mask
+      object.mended = 0;
       return;
     }
-    if (!seen && output_.available && ++object.missed > settings_.max_restored_frames) {
-      object.alive = false;
+    // The paper restores whole objects only.
+    if (seen && settings_.trigger == Settings::Trigger::kGlobal) return;
+    if (output_.available && ++object.mended > settings_.max_restored_frames) {
+      object.alive = seen;
+      object.mended = 0;
       return;
     }
     restore(frame.color.size(), j);
@@ -262,34 +265,18 @@ class SegmentationCompensator {
     status_ |= kRestored;
   }
 
-  void remember_all(const RgbdFrame& frame) {
-    last_area_ = 0;
-    for (std::size_t i = 0; i < output_.instances.size(); ++i) {
-      const Instance& instance = output_.instances[i];
-      last_area_ += instance.mask.empty() ? instance.box.area() : cv::countNonZero(instance.mask);
-      if (owner_[i] < 0) {
-        owner_[i] = static_cast<int>(objects_.size());
-        objects_.emplace_back();
-        objects_.back().seen_s = frame.timestamp;
-      }
-    }
-    // Forgotten objects go; the owners' numbers follow.
-    new_number_.assign(objects_.size(), -1);
+  static double area_of(const Instance& s) {
+    return s.mask.empty() ? s.box.area() : cv::countNonZero(s.mask);
+  }
+
+  void forget_dead() {
     std::size_t n = 0;
     for (std::size_t j = 0; j < objects_.size(); ++j) {
       if (!objects_[j].alive) continue;
-      new_number_[j] = static_cast<int>(n);
       if (n != j) std::swap(objects_[n], objects_[j]);
       ++n;
     }
     objects_.resize(n);
-    for (std::size_t i = 0; i < owner_.size(); ++i) {
-      owner_[i] = new_number_[static_cast<std::size_t>(owner_[i])];
-      if (owner_[i] < 0) continue;
-      RememberedObject& object = objects_[static_cast<std::size_t>(owner_[i])];
-      object.observe(frame, output_.instances[i], nullptr, true);
-      object.add_place(frame.timestamp, settings_.corner_history, history());
-    }
   }
 
   struct Pair {
@@ -299,13 +286,13 @@ class SegmentationCompensator {
 
   Settings settings_;
   Camera camera_;
+  DepthView depth_;
   ObjectLocator locator_;
   std::vector<RememberedObject> objects_;
   Segmentation output_;
   std::size_t given_ = 0;
   std::vector<int> owner_;        // instance -> object
   std::vector<int> instance_of_;  // object -> instance
-  std::vector<int> new_number_;
   std::vector<Pair> pairs_;
   std::vector<std::vector<uchar>> buffers_;
   std::size_t buffers_used_ = 0;

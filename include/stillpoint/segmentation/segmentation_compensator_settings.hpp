@@ -34,7 +34,7 @@ struct SegmentationCompensatorSettings {
   /// Share of the object's measured pixels whose depth must agree with it.
   double min_depth_support = 0.5;
   /// How many results of the segmenter in a row may miss an object before it is forgotten.
-  int max_restored_frames = 6;
+  int max_restored_frames = 8;
   /// How long an object is carried along without any result of the segmenter.
   double max_prediction_s = 0.6;
   /// Bound on an object's own speed.

@@ -10,7 +10,7 @@
 
 namespace stillpoint {
 
-/// The depth of a frame as the depth stages read it: 16-bit units, 0 = no measurement, with the
+/// The depth of a frame as the components read it: 16-bit units, 0 = no measurement, with the
 /// rays of the camera. 16-bit pictures are not copied; CV_32FC1 is turned into millimetres once.
 class DepthView {
  public:
@@ -40,6 +40,10 @@ class DepthView {
     }
     image_ = converted_;
   }
+
+  /// Refers to nothing: every depth is "no measurement".
+  void clear() { image_ = cv::Mat(); }
+  bool empty() const { return image_.empty(); }
 
   const std::uint16_t* row(int y) const { return image_.ptr<std::uint16_t>(y); }
   cv::Size size() const { return image_.size(); }
