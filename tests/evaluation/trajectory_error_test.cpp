@@ -3,9 +3,13 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/Eigenvalues>
+#include <algorithm>
 #include <filesystem>
 #include <limits>
 #include <random>
+#include <tuple>
+#include <vector>
 
 #include "../io/temporary_folder.hpp"
 #include "stillpoint/io/trajectory_file.hpp"
@@ -127,6 +131,60 @@ TEST(Ate, RefusesNaN) {
   EXPECT_THROW(rpe(truth, bad), stillpoint::Error);
   bad[2].timestamp = bad[1].timestamp;
   EXPECT_ERROR(rpe(truth, bad), "estimate[2]", "ascending");
+}
+
+// Another road to the same number: all pairs sorted for the association, Horn's quaternion (the
+// largest eigenvector of a 4x4 matrix) instead of an SVD for the alignment.
+double slow_ate_rmse(const Trajectory& truth, const Trajectory& estimate) {
+  std::vector<std::tuple<double, std::size_t, std::size_t>> candidates;
+  for (std::size_t i = 0; i < truth.size(); ++i)
+    for (std::size_t j = 0; j < estimate.size(); ++j) {
+      const double difference = std::abs(truth[i].timestamp - estimate[j].timestamp);
+      if (difference < 0.02) candidates.emplace_back(difference, i, j);
+    }
+  std::sort(candidates.begin(), candidates.end());
+  std::vector<char> used_truth(truth.size()), used_estimate(estimate.size());
+  std::vector<Eigen::Vector3d> a, b;  // estimate, ground truth
+  for (const auto& [difference, i, j] : candidates) {
+    if (used_truth[i] || used_estimate[j]) continue;
+    used_truth[i] = used_estimate[j] = 1;
+    a.push_back(estimate[j].T_world_camera.translation());
+    b.push_back(truth[i].T_world_camera.translation());
+  }
+  Eigen::Vector3d mean_a(0, 0, 0), mean_b(0, 0, 0);
+  for (std::size_t i = 0; i < a.size(); ++i) mean_a += a[i] / a.size(), mean_b += b[i] / a.size();
+  Eigen::Matrix3d S = Eigen::Matrix3d::Zero();
+  for (std::size_t i = 0; i < a.size(); ++i) S += (a[i] - mean_a) * (b[i] - mean_b).transpose();
+  Eigen::Matrix4d N;
+  N << S.trace(), S(1, 2) - S(2, 1), S(2, 0) - S(0, 2), S(0, 1) - S(1, 0),   //
+      0, S(0, 0) - S(1, 1) - S(2, 2), S(0, 1) + S(1, 0), S(2, 0) + S(0, 2),  //
+      0, 0, S(1, 1) - S(0, 0) - S(2, 2), S(1, 2) + S(2, 1),                  //
+      0, 0, 0, S(2, 2) - S(0, 0) - S(1, 1);
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix4d> solver(
+      Eigen::Matrix4d(N.selfadjointView<Eigen::Upper>()));
+  const Eigen::Vector4d q = solver.eigenvectors().col(3);
+  const Eigen::Quaterniond rotation(q[0], q[1], q[2], q[3]);
+  double sum = 0;
+  for (std::size_t i = 0; i < a.size(); ++i)
+    sum += (rotation * (a[i] - mean_a) - (b[i] - mean_b)).squaredNorm();
+  return std::sqrt(sum / static_cast<double>(a.size()));
+}
+
+TEST(Ate, EqualsASlowReference) {
+  std::mt19937 random(11);
+  for (unsigned trial = 0; trial < 20; ++trial) {
+    const Trajectory truth = random_trajectory(120, trial);
+    const Eigen::Isometry3d T = random_pose(random);
+    Trajectory estimate;
+    for (const auto& pose : truth) {
+      if (random() % 5 == 0) continue;  // lost
+      estimate.push_back(pose);
+      estimate.back().timestamp += 0.05 * real(random);  // some too far from any
+      estimate.back().T_world_camera =
+          T * pose.T_world_camera * Eigen::Translation3d(random_pose(random).translation() * 0.2);
+    }
+    EXPECT_NEAR(ate(truth, estimate).rmse_m, slow_ate_rmse(truth, estimate), 1e-9);
+  }
 }
 
 // Expected values: the benchmark's definition, computed apart from this library with numpy.

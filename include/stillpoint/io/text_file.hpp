@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <fstream>
@@ -30,7 +31,10 @@ inline std::string read_file(const std::filesystem::path& path, const std::strin
             : there   ? "one that cannot be opened; check its permissions"
                       : "no such file; check the path");
   });
-  std::string bytes{std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
+  std::string bytes;
+  std::vector<char> block(1 << 16);
+  while (file.read(block.data(), static_cast<std::streamsize>(block.size())) || file.gcount() > 0)
+    bytes.append(block.data(), static_cast<std::size_t>(file.gcount()));
   detail::check(!file.bad(), [&] { return what + " " + path.string() + ": reading it failed"; });
   return bytes;
 }
