@@ -69,8 +69,8 @@ inline Canvas face(std::uint64_t seed) {
   canvas.noise(0.4, 4, 32, seed + 5);
   canvas.ellipse(128, 150, 66, 96, skin);
   canvas.rectangle(0, 200, 256, 256, skin);
-  canvas.ellipse(46, 140, 12, 20, scaled(skin, 0.9)),
-      canvas.ellipse(210, 140, 12, 20, scaled(skin, 0.9));
+  canvas.ellipse(58, 140, 7, 13, scaled(skin, 0.9)),
+      canvas.ellipse(198, 140, 7, 13, scaled(skin, 0.9));
   for (const int x : {104, 152}) {
     canvas.rectangle(x - 13, 102, x + 13, 107, scaled(hair, 0.8));
     canvas.ellipse(x, 118, 10, 6, {240, 240, 238});

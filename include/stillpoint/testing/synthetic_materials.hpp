@@ -157,8 +157,8 @@ inline Canvas carpet(std::uint64_t seed) {
     for (int x = 0; x < 4; ++x)
       canvas.rectangle(x * 256, y * 256, x * 256 + 256, y * 256 + 256,
                        scaled({74, 88, 108}, random.range(0.8, 1.2)));
-  canvas.noise(0.35, 128, 128, seed + 4);
-  canvas.noise(0.35, 32, 32, seed + 1);
+  canvas.noise(0.15, 128, 128, seed + 4);
+  canvas.noise(0.22, 32, 32, seed + 1);
   canvas.noise(0.35, 8, 8, seed + 2);
   canvas.noise(0.45, 2, 2, seed + 3);
   for (int i = 0; i < 900; ++i) {  // flecks

@@ -37,7 +37,8 @@ class People {
       Random random(hash(seed, 0x9e091e, static_cast<std::uint64_t>(i)));
       const int which = lane_of(i);
       Random lane_random(hash(seed, 0x1a4e, static_cast<std::uint64_t>(which)));
-      Person p{lanes[which].way};
+      Person p;
+      p.way = lanes[which].way;
       p.speed = lane_random.range(lanes[which].slowest, lanes[which].fastest);
       p.backwards = lane_random.below(2) != 0;
       const double start = which == 0 ? lane_random.range(0.0, 0.12) : lane_random();
@@ -81,7 +82,7 @@ class People {
     int capacity;
   };
   struct Person {
-    RoundedRectangle way;
+    RoundedRectangle way{0, 1, 0, 1, 0.2};
     double speed = 1, start_m = 0, step_phase = 0, phase = 0;
     bool backwards = false, carries = false;
     int seat = -1;
@@ -126,8 +127,8 @@ class People {
     const Vec3 left = cross(up, pose.facing);
     const double swing = p.speed > 0 ? sine(2 * kPi * cycle) : 0;
     const double still = p.speed > 0 ? 0 : sine(2 * kPi * (t / 4.3 + p.phase));
-    const double bob = p.speed > 0 ? -0.016 * cosine(4 * kPi * (cycle - 0.06)) : 0.002 * still;
-    pose.pelvis = place(p, s).position + up * ((0.935 + bob) * k) +
+    const double bob = p.speed > 0 ? -0.023 * cosine(4 * kPi * (cycle - 0.06)) : 0.002 * still;
+    pose.pelvis = place(p, s).position + up * ((0.968 + bob) * k) +
                   left * (k * (0.018 * swing + 0.012 * still));
     const double arm = cosine(2 * kPi * cycle);  // 1: left foot in front
     trunk(p, pose, 0.10 * arm + 0.02 * still, 0.05 + 0.03 * p.speed + 0.01 * still);

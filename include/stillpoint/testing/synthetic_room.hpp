@@ -112,15 +112,15 @@ inline RoomPlan build_room(StaticScene& scene, std::uint64_t seed) {
   // The island with monitors, back and front, and chairs around.
   make.desk(placed(0, 0.72, 0), 1.8, 0.7, 3);
   plan.seats = {placed(1.15, -1.0, 0, 0.35), placed(-1.25, 0.75, 0, 1.15),
-                placed(1.25, 0.75, 0, -1.15), placed(2.05, -3.3, 0, 2.2)};
+                placed(1.25, 0.75, 0, -1.15)};
   for (const Frame& seat : plan.seats) make.chair(seat);
 
   // A cabinet at the right, a partition with the door at the left.
   make.cabinet(placed(1.75, -0.9, 0, -0.1), 0.45, 0.5, 0.95);
-  const Frame partition = placed(-1.9, -0.46, 0);
-  make.box(partition, {1.3, 0.05, 2.05}, make.plaster_texture(), 170, {{0.8f, 0.75f, 0.65f}});
+  const Frame partition = placed(-1.7, -0.46, 0);
+  make.box(partition, {0.9, 0.05, 2.05}, make.plaster_texture(), 170, {{0.8f, 0.75f, 0.65f}});
   for (int i = 0; i < 2; ++i) {
-    make.poster_on(moved(partition, {0.0, 0.04, 1.35 - 0.8 * i}, 2), true);
+    make.photo_on(moved(partition, {0.2 * (2 * i - 1), 0.04, 1.5 - 0.3 * i}, 2));
   }
   plan.hinge = placed(-1.25, -0.52, 0);
   plan.door_texture = make.door_texture(), plan.carton_texture = make.carton_texture();

@@ -27,10 +27,13 @@ inline Color scaled(Color c, double s) {
   const auto scale = [&](int v) { return static_cast<int>(v * s + 0.5); };
   return {scale(c.red), scale(c.green), scale(c.blue)};
 }
+/// A color between `low` and `high`, rather muted.
 inline Color random_color(Random& random, int low = 30, int high = 230) {
   const auto one = [&] { return low + random.below(high - low); };
-  const int red = one(), green = one();
-  return {red, green, one()};
+  const int red = one(), green = one(), blue = one(), gray = (red + green + blue) / 3;
+  const int keep = 45 + random.below(50);  // percent of the saturation
+  const auto muted = [&](int v) { return gray + (v - gray) * keep / 100; };
+  return {muted(red), muted(green), muted(blue)};
 }
 
 /// A picture to paint on: pixels 0x00RRGGBB, row by row. Everything painted is clipped.
