@@ -34,7 +34,7 @@ struct NoiseModel {
   double sigma_px = 0.7;
   /// Of 1/depth, which is even over the range for a structured-light or stereo camera:
   /// sigma(z) = z^2 times this.
-  double sigma_inverse_depth_per_m = 0.006;
+  double sigma_inverse_depth_per_m = 0.004;
 };
 
 /// Exponential of a twist (translation, rotation).

@@ -1,0 +1,167 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <algorithm>
+#include <atomic>
+#include <cstddef>
+#include <mutex>
+#include <vector>
+
+#include "stillpoint/backends/rgbd_slam/bundle_adjustment.hpp"
+#include "stillpoint/backends/rgbd_slam/map.hpp"
+#include "stillpoint/backends/rgbd_slam/map_changes.hpp"
+#include "stillpoint/backends/rgbd_slam/place_index.hpp"
+#include "stillpoint/backends/rgbd_slam/triangulation.hpp"
+
+namespace stillpoint::rgbd_slam {
+
+/// Builds the map around each new keyframe: points from two views, culling of bad points, fusion of
+/// double ones, local bundle adjustment, culling of keyframes that add nothing.
+///
+/// process() takes the map's lock in short pieces and solves without it, so that tracking goes on.
+class LocalMapping {
+ public:
+  struct Settings {
+    /// Keyframes that are adjusted at once, and the iterations of it.
+    int bundle_keyframes = 12, bundle_iterations = 8;
+    /// Neighbors that new points are triangulated with, and fused with.
+    int triangulate_with = 6, fuse_with = 10;
+    /// A young point must be found in this share of the frames that should see it.
+    double min_found_ratio = 0.25;
+    /// A keyframe goes when this share of its points is seen by three others as finely.
+    double redundant_ratio = 0.9;
+  };
+
+  LocalMapping(const Optics& optics, const Settings& settings)
+      : optics_(optics), settings_(settings) {}
+
+  /// Works a keyframe in. With `stop` set by another thread the long parts are cut short.
+  void process(Map& map, std::mutex& lock, PlaceIndex& index, KeyframeId id,
+               const std::atomic<bool>& stop) {
+    {
+      const std::lock_guard<std::mutex> guard(lock);
+      register_points(map, id);
+      cull_young_points(map, id);
+    }
+    std::vector<KeyframeId> neighbors;
+    {
+      const std::lock_guard<std::mutex> guard(lock);
+      neighbors = map.neighbors(id, settings_.triangulate_with);
+    }
+    for (const KeyframeId n : neighbors) {
+      const std::lock_guard<std::mutex> guard(lock);
+      for (const PointId p : triangulate_between(optics_, map, *map.keyframe(id), *map.keyframe(n)))
+        young_.push_back(p);
+    }
+    fuse(map, lock, id);
+    if (!stop.load()) adjust(map, lock, id, stop);
+    const std::lock_guard<std::mutex> guard(lock);
+    if (!stop.load()) cull_keyframes(map, index, id);
+  }
+
+  void reset() { young_.clear(); }
+
+ private:
+  void register_points(Map& map, KeyframeId id) {
+    for (const PointId point_id : map.keyframe(id)->points) {
+      MapPoint* p = map.point(point_id);
+      if (!p) continue;
+      if (p->first_keyframe == id)
+        young_.push_back(point_id);
+      else
+        map.refresh(*p);
+    }
+    map.update_connections(id);
+  }
+
+  void cull_young_points(Map& map, KeyframeId now) {
+    std::size_t kept = 0;
+    for (const PointId id : young_) {
+      const MapPoint* p = map.point(id);
+      if (!p) continue;
+      const int age = now - p->first_keyframe;
+      if (p->found < settings_.min_found_ratio * p->visible ||
+          (age >= 3 && p->observations.size() < 2)) {
+        map.erase_point(id);
+        continue;
+      }
+      if (age < 4) young_[kept++] = id;
+    }
+    young_.resize(kept);
+  }
+
+  void fuse(Map& map, std::mutex& lock, KeyframeId id) {
+    std::vector<KeyframeId> targets;
+    std::vector<PointId> own;
+    {
+      const std::lock_guard<std::mutex> guard(lock);
+      targets = map.neighbors(id, settings_.fuse_with);
+      own = points_of(map, {id});
+    }
+    for (const KeyframeId target : targets) {
+      const std::lock_guard<std::mutex> guard(lock);
+      fuse_points(optics_, map, *map.keyframe(target), own, 3, false);
+    }
+    const std::lock_guard<std::mutex> guard(lock);
+    fuse_points(optics_, map, *map.keyframe(id), points_of(map, targets), 3, false);
+    for (const PointId p : points_of(map, {id})) map.refresh(*map.point(p));
+    map.update_connections(id);
+  }
+
+  static std::vector<PointId> points_of(const Map& map, const std::vector<KeyframeId>& keyframes) {
+    std::vector<PointId> points;
+    for (const KeyframeId k : keyframes)
+      for (const PointId p : map.keyframe(k)->points)
+        if (p != kNone) points.push_back(p);
+    std::sort(points.begin(), points.end());
+    points.erase(std::unique(points.begin(), points.end()), points.end());
+    return points;
+  }
+
+  void adjust(Map& map, std::mutex& lock, KeyframeId id, const std::atomic<bool>& stop) {
+    BundleProblem bundle;
+    {
+      const std::lock_guard<std::mutex> guard(lock);
+      if (map.keyframe_count() < 2) return;
+      std::vector<KeyframeId> local = map.neighbors(id, settings_.bundle_keyframes - 1);
+      local.push_back(id);
+      std::sort(local.begin(), local.end());
+      bundle = collect_bundle(map, optics_, local);
+    }
+    if (!solve_bundle(bundle, optics_, settings_.bundle_iterations, &stop)) return;
+    const std::lock_guard<std::mutex> guard(lock);
+    apply_local_bundle(map, bundle);
+  }
+
+  void cull_keyframes(Map& map, PlaceIndex& index, KeyframeId now) {
+    for (const KeyframeId id : map.neighbors(now)) {
+      const Keyframe& k = *map.keyframe(id);
+      // The newest ones are what tracking stands on; loops hang on the ones they were closed at.
+      if (k.parent == kNone || !k.loop_edges.empty() || id >= now - 1) continue;
+      int total = 0, redundant = 0;
+      for (std::size_t i = 0; i < k.points.size(); ++i) {
+        const MapPoint* p = map.point(k.points[i]);
+        if (!p) continue;
+        ++total;
+        if (p->observations.size() <= 3) continue;
+        int others = 0;
+        const int octave = k.frame.keypoints[i].octave;
+        for (const Observation& o : p->observations)
+          if (o.keyframe != id && map.keyframe(o.keyframe)
+                                          ->frame.keypoints[static_cast<std::size_t>(o.keypoint)]
+                                          .octave <= octave + 1)
+            ++others;
+        redundant += others >= 3;
+      }
+      if (redundant <= settings_.redundant_ratio * total) continue;
+      index.remove(id);
+      map.cull_keyframe(id);
+    }
+  }
+
+  Optics optics_;
+  Settings settings_;
+  std::vector<PointId> young_;
+};
+
+}  // namespace stillpoint::rgbd_slam

@@ -1,0 +1,245 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "stillpoint/backends/rgbd_slam/local_map.hpp"
+#include "stillpoint/backends/rgbd_slam/relocalizer.hpp"
+#include "stillpoint/backends/rgbd_slam/tracked_frame.hpp"
+#include "stillpoint/core/trajectory.hpp"
+
+namespace stillpoint::rgbd_slam {
+
+/// Follows the camera in the map, frame by frame, and decides on keyframes.
+///
+/// The predicted pose projects the local map into the frame; matches near the projections give the
+/// pose; then the local map is gathered anew around them, matched closely, and the pose refined. If
+/// that fails, wider, then anywhere in the map. A frame that finds too few is lost, and said to be.
+/// Poses are kept relative to keyframes, so that corrections of these carry them along. Knows no
+/// thread: the caller holds the map's lock.
+class MapTracking {
+ public:
+  struct Settings {
+    /// Fewer agreeing matches than this: lost; and the number that a relocalisation needs.
+    int min_inliers = 20, min_relocalized = 30;
+    /// Keypoints with depth that the first frame needs.
+    int min_start_points = 80;
+    /// A keyframe is due when the matches fall below this share of those of the reference
+    /// keyframe's points, at the latest after so many frames.
+    double keyframe_ratio = 0.8;
+    int max_keyframe_gap = 15, min_keyframe_gap = 2;
+    /// The map is started anew when it is lost for so many frames with fewer keyframes than that.
+    int restart_after = 30, restart_keyframes = 4;
+    std::size_t max_local_keyframes = 40;
+  };
+
+  /// What happened to the last frame.
+  struct Stats {
+    int matches = 0, inliers = 0, local_points = 0;
+    bool keyframe = false, recovered = false, restart_due = false;
+  };
+
+  MapTracking(const Optics& optics, const Settings& settings)
+      : optics_(optics), settings_(settings) {}
+
+  /// Tracks a frame; false: lost. With `mapper_busy` a keyframe waits if it can.
+  bool track(Map& map, PlaceIndex& index, KeypointFrame frame, bool mapper_busy) {
+    TrackedFrame last = std::move(current_);
+    current_ = TrackedFrame(std::move(frame));
+    stats_ = Stats();
+    new_keyframe_ = kNone;
+    ++frame_number_;
+    bool ok = false;
+    if (map.keyframe_count() == 0) {
+      ok = start(map);
+    } else {
+      if (tracking_) ok = follow(map);
+      if (!ok) {
+        stats_.inliers = relocalize(optics_, map, index, settings_.min_relocalized, current_);
+        ok = stats_.recovered = stats_.inliers > 0;
+        if (ok) local_ = gather_local_map(map, current_.points, settings_.max_local_keyframes);
+      }
+      if (ok) ok = follow_local_map(map);
+      if (ok) accept(map, mapper_busy);
+    }
+    if (ok) {
+      lost_ = 0;
+    } else {
+      stats_.recovered = false;
+      motion_.reset();
+      stats_.restart_due = ++lost_ > settings_.restart_after && map.keyframe_count() > 0 &&
+                           static_cast<int>(map.keyframe_count()) < settings_.restart_keyframes;
+    }
+    tracking_ = ok;
+    return ok;
+  }
+
+  const TrackedFrame& current() const { return current_; }
+  const Stats& stats() const { return stats_; }
+  /// The keyframe made of the last frame, or kNone.
+  KeyframeId new_keyframe() const { return new_keyframe_; }
+  bool tracking() const { return tracking_; }
+
+  /// Forgets everything, the trajectory too: for a map that is started anew.
+  void reset() {
+    records_.clear();
+    local_ = LocalMap();
+    motion_.reset();
+    lost_ = 0;
+    tracking_ = false;
+  }
+
+  /// T_next_last, if the last two frames were tracked.
+  const std::optional<Eigen::Isometry3d>& motion() const { return motion_; }
+
+  /// Poses of all tracked frames by the keyframes' present poses. O(frames).
+  Trajectory trajectory(const Map& map) const {
+    Trajectory trajectory;
+    trajectory.reserve(records_.size());
+    for (const Record& r : records_)
+      trajectory.push_back(
+          {r.timestamp, (r.T_camera_reference * map.pose_of(r.reference)).inverse()});
+    return trajectory;
+  }
+
+ private:
+  struct Record {
+    double timestamp;
+    KeyframeId reference;
+    Eigen::Isometry3d T_camera_reference;
+  };
+
+  bool start(Map& map) {
+    int with_depth = 0;
+    for (const FrameKeypoint& k : current_.frame.keypoints) with_depth += k.depth_m > 0;
+    if (with_depth < settings_.min_start_points) return false;
+    insert_keyframe(map);
+    record(map);
+    return true;
+  }
+
+  Eigen::Isometry3d last_pose(const Map& map) const {
+    return records_.back().T_camera_reference * map.pose_of(records_.back().reference);
+  }
+
+  // The last motion stretched by the real time between frames: frames may be dropped.
+  Eigen::Isometry3d stretched_motion() const {
+    if (!motion_) return Eigen::Isometry3d::Identity();
+    const double dt = current_.frame.timestamp - records_.back().timestamp;
+    const double ratio = motion_dt_ > 0 && dt > 0 ? std::min(dt / motion_dt_, 10.0) : 1;
+    const Eigen::AngleAxisd turn(motion_->linear());
+    Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+    T.linear() = Eigen::AngleAxisd(turn.angle() * ratio, turn.axis()).toRotationMatrix();
+    T.translation() = motion_->translation() * ratio;
+    return T;
+  }
+
+  bool follow(Map& map) {
+    const Eigen::Isometry3d last = last_pose(map);
+    return match_from(map, stretched_motion() * last, 10) || match_from(map, last, 40);
+  }
+
+  bool match_from(const Map& map, const Eigen::Isometry3d& T, double radius_px) {
+    current_.points.assign(current_.frame.size(), kNone);
+    current_.T_camera_world = T;
+    stats_.matches =
+        match_projections(optics_, map, local_.points, radius_px, MatchLimits(), current_);
+    if (stats_.matches < settings_.min_inliers) return false;
+    stats_.inliers = refine_pose(optics_, map, current_);
+    return stats_.inliers >= settings_.min_inliers / 2;
+  }
+
+  bool follow_local_map(Map& map) {
+    local_ = gather_local_map(map, current_.points, settings_.max_local_keyframes);
+    stats_.local_points = static_cast<int>(local_.points.size());
+    if (local_.reference == kNone) return false;
+    // Those matched already are in view; the others are looked for.
+    std::vector<PointId> in_view;
+    std::vector<char> matched(static_cast<std::size_t>(map.point_end()), 0);
+    for (const PointId id : current_.points)
+      if (id != kNone) matched[static_cast<std::size_t>(id)] = 1, in_view.push_back(id);
+    std::vector<PointId> others;
+    others.reserve(local_.points.size());
+    for (const PointId id : local_.points)
+      if (!matched[static_cast<std::size_t>(id)]) others.push_back(id);
+    match_projections(optics_, map, others, 4, MatchLimits(), current_, &in_view);
+    stats_.matches = current_.matches();
+    stats_.inliers = refine_pose(optics_, map, current_);
+    for (const PointId id : in_view) ++map.point(id)->visible;
+    for (const PointId id : current_.points)
+      if (id != kNone) ++map.point(id)->found;
+    return stats_.inliers >= (stats_.recovered ? settings_.min_relocalized : settings_.min_inliers);
+  }
+
+  void accept(Map& map, bool mapper_busy) {
+    if (keyframe_due(map, mapper_busy)) insert_keyframe(map);
+    record(map);
+  }
+
+  void record(const Map& map) {
+    const KeyframeId reference = new_keyframe_ != kNone ? new_keyframe_ : local_.reference;
+    if (tracking_ && !records_.empty()) {
+      motion_ = current_.T_camera_world * last_pose(map).inverse();
+      motion_dt_ = current_.frame.timestamp - records_.back().timestamp;
+    } else {
+      motion_.reset();
+    }
+    records_.push_back({current_.frame.timestamp, reference,
+                        current_.T_camera_world * map.pose_of(reference).inverse()});
+  }
+
+  bool keyframe_due(const Map& map, bool mapper_busy) const {
+    const int gap = frame_number_ - keyframe_frame_;
+    if (gap < settings_.min_keyframe_gap) return false;
+    // Points of the reference that are worth finding: seen more than once, once there was time.
+    const int min_observations = map.keyframe_count() <= 2 ? 1 : 2;
+    int reference_points = 0;
+    for (const PointId id : map.keyframe(local_.reference)->points)
+      if (const MapPoint* p = map.point(id))
+        reference_points += static_cast<int>(p->observations.size()) >= min_observations;
+    const bool weak = stats_.inliers < settings_.keyframe_ratio * reference_points;
+    const bool very_weak = stats_.inliers < 0.3 * reference_points || stats_.inliers < 60;
+    if (mapper_busy) return very_weak && gap >= 5;
+    return weak || very_weak || gap >= settings_.max_keyframe_gap;
+  }
+
+  void insert_keyframe(Map& map) {
+    Keyframe& k = map.add_keyframe(current_.frame, current_.T_camera_world);
+    const Eigen::Isometry3d T_world_camera = current_.T_camera_world.inverse();
+    for (std::size_t i = 0; i < current_.points.size(); ++i) {
+      if (MapPoint* p = map.point(current_.points[i])) {
+        map.observe(*p, k, static_cast<int>(i));
+        continue;
+      }
+      const FrameKeypoint& f = k.frame.keypoints[i];
+      if (f.depth_m <= 0) continue;
+      const Eigen::Vector3d p = optics_.camera.unproject(f.x, f.y, f.depth_m);
+      current_.points[i] = map.add_point(T_world_camera * p, k, static_cast<int>(i)).id;
+      local_.points.push_back(current_.points[i]);
+    }
+    map.update_connections(k.id);
+    new_keyframe_ = k.id;
+    keyframe_frame_ = frame_number_;
+    stats_.keyframe = true;
+  }
+
+  Optics optics_;
+  Settings settings_;
+  TrackedFrame current_;
+  LocalMap local_;
+  std::vector<Record> records_;
+  Stats stats_;
+  KeyframeId new_keyframe_ = kNone;
+  std::optional<Eigen::Isometry3d> motion_;
+  double motion_dt_ = 0;
+  bool tracking_ = false;
+  int frame_number_ = 0, keyframe_frame_ = 0, lost_ = 0;
+};
+
+}  // namespace stillpoint::rgbd_slam

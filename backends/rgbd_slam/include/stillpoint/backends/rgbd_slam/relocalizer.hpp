@@ -1,0 +1,85 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cstddef>
+#include <optional>
+#include <vector>
+
+#include "stillpoint/backends/rgbd_slam/local_map.hpp"
+#include "stillpoint/backends/rgbd_slam/place_index.hpp"
+#include "stillpoint/backends/rgbd_slam/pnp.hpp"
+#include "stillpoint/backends/rgbd_slam/tracked_frame.hpp"
+
+namespace stillpoint::rgbd_slam {
+
+/// Descriptors of the keypoints that show a map point: what a keyframe is recognised by.
+inline std::vector<Descriptor> place_descriptors(const Keyframe& keyframe) {
+  std::vector<Descriptor> descriptors;
+  for (std::size_t i = 0; i < keyframe.points.size(); ++i)
+    if (keyframe.points[i] != kNone) descriptors.push_back(keyframe.frame.descriptors[i]);
+  return descriptors;
+}
+
+/// Matches a frame with the points around a keyframe without any guess, and finds its pose there
+/// (PnP in RANSAC, then guided matching). Leaves pose and matches in `f`, whose old matches are
+/// dropped. Returns the number of matches that agree, 0 for failure. Costs about 10 ms.
+inline int find_pose_at_place(const Optics& optics, const Map& map, KeyframeId place,
+                              int min_inliers, TrackedFrame& f) {
+  std::vector<PointId> seen;
+  for (const PointId id : map.keyframe(place)->points)
+    if (id != kNone) seen.push_back(id);
+  std::vector<PointId> ids = seen;
+  for (const KeyframeId n : map.neighbors(place, 4))
+    for (const PointId id : map.keyframe(n)->points)
+      if (id != kNone) ids.push_back(id);
+  std::sort(ids.begin(), ids.end());
+  ids.erase(std::unique(ids.begin(), ids.end()), ids.end());
+  std::vector<Descriptor> known;
+  known.reserve(ids.size());
+  for (const PointId id : ids) known.push_back(map.point(id)->descriptor);
+
+  std::vector<PoseObservation> observations;
+  std::vector<PointId> matched;
+  for (const DescriptorMatch& m : match_all(f.frame.descriptors, known, {60, 0.9})) {
+    const PointId id = ids[static_cast<std::size_t>(m.second)];
+    observations.push_back(pose_observation(optics, f.frame, static_cast<std::size_t>(m.first),
+                                            map.point(id)->position));
+    matched.push_back(id);
+  }
+  const auto T =
+      solve_pnp_ransac(optics.camera, optics.noise, observations, std::max(8, min_inliers / 2));
+  if (!T) return 0;
+  f.T_camera_world = *T;
+  f.points.assign(f.frame.size(), kNone);
+  for (std::size_t i = 0; i < observations.size(); ++i)
+    if (observations[i].inlier)
+      f.points[static_cast<std::size_t>(observations[i].index)] = matched[i];
+  int inliers = 0;
+  const LocalMap local = gather_local_map(map, seen, 20);
+  for (const double radius_px : {10.0, 4.0}) {
+    f.points.assign(f.frame.size(), kNone);
+    match_projections(optics, map, local.points, radius_px, MatchLimits(), f);
+    inliers = refine_pose(optics, map, f);
+    if (inliers < min_inliers) return 0;
+  }
+  return inliers;
+}
+
+/// Finds the frame's pose anywhere in the map. Returns the number of agreeing matches, 0 for
+/// failure. Costs up to five times find_pose_at_place().
+inline int relocalize(const Optics& optics, const Map& map, const PlaceIndex& index,
+                      int min_inliers, TrackedFrame& f) {
+  int tried = 0;
+  for (const PlaceIndex::Vote& vote : index.query(f.frame.descriptors)) {
+    if (vote.votes < 8 || tried == 5) break;
+    if (!map.keyframe(vote.place)) continue;
+    ++tried;
+    if (const int inliers = find_pose_at_place(optics, map, vote.place, min_inliers, f))
+      return inliers;
+  }
+  return 0;
+}
+
+}  // namespace stillpoint::rgbd_slam

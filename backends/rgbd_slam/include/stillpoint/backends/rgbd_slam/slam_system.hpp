@@ -1,0 +1,194 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <Eigen/Geometry>
+#include <atomic>
+#include <cstddef>
+#include <memory>
+#include <mutex>
+#include <opencv2/imgproc.hpp>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "stillpoint/backends/rgbd_slam/features.hpp"
+#include "stillpoint/backends/rgbd_slam/local_mapping.hpp"
+#include "stillpoint/backends/rgbd_slam/loop_closing.hpp"
+#include "stillpoint/backends/rgbd_slam/map.hpp"
+#include "stillpoint/backends/rgbd_slam/map_tracking.hpp"
+#include "stillpoint/backends/rgbd_slam/place_index.hpp"
+#include "stillpoint/backends/rgbd_slam/worker.hpp"
+#include "stillpoint/core/error.hpp"
+#include "stillpoint/tracking/tracker.hpp"
+
+namespace stillpoint::rgbd_slam {
+
+/// RGB-D SLAM on static keypoints: tracking, local mapping, loop closing.
+///
+/// Two modes: deterministic (the default: each keyframe is worked in before track() returns; the
+/// same input gives the same trajectory), and threaded (local mapping and loop closing in their own
+/// threads, track() stays fast). The world is the first tracked camera. A frame that is lost has no
+/// pose; after relocalisation the trajectory goes on in the same frame of reference. Call it from
+/// one thread.
+class SlamSystem final : public Tracker {
+ public:
+  struct Settings {
+    OrbExtractor::Settings features;
+    KeypointFrame::Settings depth;
+    NoiseModel noise;
+    MapTracking::Settings tracking;
+    LocalMapping::Settings mapping;
+    LoopClosing::Settings loops;
+    /// Mapping and loop closing in threads of their own.
+    bool threaded = false;
+  };
+
+  explicit SlamSystem(const Camera& camera) : SlamSystem(camera, Settings()) {}
+
+  /// Throws Error for a camera without focal lengths. `extractor`: none = OrbExtractor.
+  SlamSystem(const Camera& camera, const Settings& settings,
+             std::unique_ptr<FeatureExtractor> extractor = nullptr)
+      : settings_(settings), extractor_(std::move(extractor)) {
+    detail::check(camera.valid(), [] {
+      return std::string("SlamSystem: expected a camera with focal lengths, found none");
+    });
+    if (!extractor_) extractor_ = std::make_unique<OrbExtractor>(settings.features);
+    optics_ = {camera, settings.noise, extractor_->levels(), extractor_->scale_factor()};
+    tracking_ = std::make_unique<MapTracking>(optics_, settings.tracking);
+    mapping_ = std::make_unique<LocalMapping>(optics_, settings.mapping);
+    loops_ = std::make_unique<LoopClosing>(optics_, settings.loops);
+    if (!settings.threaded) return;
+    loop_worker_ = std::make_unique<Worker>([this](int id) { close_loops(id); });
+    mapping_worker_ = std::make_unique<Worker>([this](int id) {
+      build_map(id, mapping_worker_->waiting());
+      loop_worker_->push(id);
+    });
+  }
+
+  const std::vector<cv::KeyPoint>& extract(const RgbdFrame& frame,
+                                           const DynamicMask& mask) override {
+    check_frame(frame);
+    if (frame.color.channels() == 3)
+      cv::cvtColor(frame.color, gray_, cv::COLOR_BGR2GRAY);
+    else
+      gray_ = frame.color;
+    extractor_->extract(gray_, mask.image, features_);
+    return features_.keypoints;
+  }
+
+  std::optional<Eigen::Isometry3d> track(const RgbdFrame& frame, const DynamicMask&,
+                                         const Selection& selection) override {
+    detail::check(selection.size() == features_.keypoints.size(), [&] {
+      return "SlamSystem::track: expected a selection of the " +
+             std::to_string(features_.keypoints.size()) +
+             " keypoints of the last extract(), found " + std::to_string(selection.size());
+    });
+    KeypointFrame keypoints(frame, optics_.camera, features_, selection.kept, optics_.scale_factor,
+                            settings_.depth);
+    const bool busy = mapping_worker_ && !mapping_worker_->idle();
+    std::optional<Eigen::Isometry3d> pose;
+    KeyframeId made = kNone;
+    bool restart = false;
+    {
+      const std::lock_guard<std::mutex> guard(map_mutex_);
+      if (tracking_->track(map_, index_, std::move(keypoints), busy))
+        pose = tracking_->current().T_camera_world.inverse();
+      made = tracking_->new_keyframe();
+      restart = tracking_->stats().restart_due;
+    }
+    if (restart) start_anew();
+    if (made != kNone) {
+      if (mapping_worker_) {
+        mapping_worker_->push(made);
+      } else {
+        const std::atomic<bool> never{false};
+        build_map(made, never);
+        close_loops(made);
+      }
+    }
+    return pose;
+  }
+
+  std::optional<Eigen::Isometry3d> predicted_motion() const override { return tracking_->motion(); }
+
+  Trajectory trajectory() const override {
+    const std::lock_guard<std::mutex> guard(map_mutex_);
+    return tracking_->trajectory(map_);
+  }
+
+  /// Poses of the keyframes that are in the map now.
+  Trajectory keyframe_trajectory() const {
+    const std::lock_guard<std::mutex> guard(map_mutex_);
+    Trajectory trajectory;
+    for (int i = 0; i < map_.keyframe_end(); ++i)
+      if (const Keyframe* k = map_.keyframe(i))
+        trajectory.push_back({k->timestamp(), k->T_camera_world.inverse()});
+    return trajectory;
+  }
+
+  void finish() override {
+    if (mapping_worker_) mapping_worker_->drain();
+    if (loop_worker_) loop_worker_->drain();
+  }
+
+  const MapTracking::Stats& stats() const { return tracking_->stats(); }
+  int loops_closed() const { return loops_->closed(); }
+  std::size_t keyframes() const {
+    const std::lock_guard<std::mutex> guard(map_mutex_);
+    return map_.keyframe_count();
+  }
+  std::size_t map_points() const {
+    const std::lock_guard<std::mutex> guard(map_mutex_);
+    return map_.point_count();
+  }
+
+ private:
+  void build_map(KeyframeId id, const std::atomic<bool>& hurry) {
+    const std::lock_guard<std::mutex> guard(mapping_mutex_);
+    {
+      const std::lock_guard<std::mutex> map_guard(map_mutex_);
+      if (id >= map_.keyframe_end() || !map_.keyframe(id)) return;
+    }
+    mapping_->process(map_, map_mutex_, index_, id, hurry);
+  }
+
+  void close_loops(KeyframeId id) {
+    {
+      const std::lock_guard<std::mutex> map_guard(map_mutex_);
+      if (id >= map_.keyframe_end()) return;
+    }
+    loops_->process(map_, mapping_mutex_, map_mutex_, index_, id);
+  }
+
+  // A map of a few keyframes that is not found again is worth less than a new start; its frames are
+  // lost frames then.
+  void start_anew() {
+    finish();
+    const std::lock_guard<std::mutex> guard(mapping_mutex_);
+    const std::lock_guard<std::mutex> map_guard(map_mutex_);
+    map_.clear();
+    index_ = PlaceIndex();
+    tracking_->reset();
+    mapping_->reset();
+    loops_->reset();
+  }
+
+  Settings settings_;
+  Optics optics_;
+  std::unique_ptr<FeatureExtractor> extractor_;
+  cv::Mat gray_;
+  Features features_;
+  // Who works on the map holds the first; who only passes by, the second; both in this order.
+  std::mutex mapping_mutex_;
+  mutable std::mutex map_mutex_;
+  Map map_;
+  PlaceIndex index_;
+  std::unique_ptr<MapTracking> tracking_;
+  std::unique_ptr<LocalMapping> mapping_;
+  std::unique_ptr<LoopClosing> loops_;
+  // Last: the threads end before what they work on. The mapper feeds the loop closer.
+  std::unique_ptr<Worker> loop_worker_, mapping_worker_;
+};
+
+}  // namespace stillpoint::rgbd_slam

@@ -1,0 +1,118 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <utility>
+#include <vector>
+
+#include "stillpoint/backends/rgbd_slam/map.hpp"
+#include "stillpoint/backends/rgbd_slam/matching.hpp"
+#include "stillpoint/backends/rgbd_slam/pose_optimizer.hpp"
+#include "stillpoint/core/camera.hpp"
+
+namespace stillpoint::rgbd_slam {
+
+/// What every part of the system knows of the camera and its keypoints.
+struct Optics {
+  Camera camera;
+  NoiseModel noise;
+  int levels = 8;
+  double scale_factor = 1.2;
+};
+
+/// A frame on its way: keypoints, the map point that each shows (or kNone), pose.
+struct TrackedFrame {
+  KeypointFrame frame;
+  std::vector<PointId> points;
+  Eigen::Isometry3d T_camera_world = Eigen::Isometry3d::Identity();
+
+  TrackedFrame() = default;
+  explicit TrackedFrame(KeypointFrame f) : frame(std::move(f)), points(frame.size(), kNone) {}
+
+  int matches() const {
+    return static_cast<int>(points.size()) -
+           static_cast<int>(std::count(points.begin(), points.end(), kNone));
+  }
+};
+
+/// Where a map point should be seen.
+struct Projection {
+  Eigen::Vector2d pixel;
+  int octave;
+};
+
+/// Projects a point into a camera; false when it is not in view: behind, outside of the picture,
+/// too near or too far for the pyramid, or seen from another side.
+inline bool project(const Optics& optics, const KeypointFrame& frame, const MapPoint& point,
+                    const Eigen::Isometry3d& T_camera_world, Projection& projection) {
+  const Eigen::Vector3d p = T_camera_world * point.position;
+  if (p.z() < 0.1) return false;
+  projection.pixel = optics.camera.project(p);
+  if (!frame.contains(projection.pixel)) return false;
+  const double distance = p.norm();
+  projection.octave = point.scale.octave_at(distance, std::log(optics.scale_factor));
+  if (projection.octave < -1 || projection.octave > optics.levels) return false;
+  return (T_camera_world.linear() * point.view_direction).dot(p) > 0.5 * distance;
+}
+
+/// Matches map points to the frame's free keypoints near their projections. Returns how many were
+/// found; `in_view`, if given, takes the points that should have been seen. O(points).
+inline int match_projections(const Optics& optics, const Map& map,
+                             const std::vector<PointId>& candidates, double radius_px,
+                             const MatchLimits& limits, TrackedFrame& f,
+                             std::vector<PointId>* in_view = nullptr) {
+  int matched = 0;
+  std::vector<int> found;
+  Projection projection;
+  for (const PointId id : candidates) {
+    const MapPoint* point = map.point(id);
+    if (!point || !project(optics, f.frame, *point, f.T_camera_world, projection)) continue;
+    if (in_view) in_view->push_back(id);
+    const double scale = std::pow(optics.scale_factor, std::clamp(projection.octave, 0, 4));
+    const int k = match_at(
+        f.frame,
+        {projection.pixel, radius_px * scale, projection.octave - 1, projection.octave + 1},
+        point->descriptor, limits, f.points, found);
+    if (k < 0) continue;
+    f.points[static_cast<std::size_t>(k)] = id;
+    ++matched;
+  }
+  return matched;
+}
+
+/// The observation of a keypoint for the pose optimiser.
+inline PoseObservation pose_observation(const Optics& optics, const KeypointFrame& frame,
+                                        std::size_t keypoint, const Eigen::Vector3d& point) {
+  const FrameKeypoint& k = frame.keypoints[keypoint];
+  PoseObservation o;
+  o.point = point;
+  o.pixel = k.pixel();
+  o.inverse_depth = k.depth_m > 0 ? 1.0 / k.depth_m : 0;
+  o.sigma_px = optics.noise.sigma_px * k.scale;
+  o.index = static_cast<int>(keypoint);
+  return o;
+}
+
+/// Optimises the frame's pose on its matches and takes back those that do not fit. Returns the
+/// number of the others.
+inline int refine_pose(const Optics& optics, const Map& map, TrackedFrame& f,
+                       double start_gate = 0) {
+  std::vector<PoseObservation> observations;
+  observations.reserve(f.points.size());
+  for (std::size_t i = 0; i < f.points.size(); ++i)
+    if (const MapPoint* point = map.point(f.points[i]))
+      observations.push_back(pose_observation(optics, f.frame, i, point->position));
+    else
+      f.points[i] = kNone;
+  if (observations.size() < 6) return 0;
+  const int inliers =
+      optimize_pose(optics.camera, optics.noise, observations, f.T_camera_world, start_gate);
+  for (const PoseObservation& o : observations)
+    if (!o.inlier) f.points[static_cast<std::size_t>(o.index)] = kNone;
+  return inliers;
+}
+
+}  // namespace stillpoint::rgbd_slam

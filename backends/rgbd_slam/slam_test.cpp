@@ -1,0 +1,288 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <functional>
+
+#include "stillpoint/backends/rgbd_slam/slam_system.hpp"
+#include "test_scene.hpp"
+
+namespace {
+
+using namespace stillpoint;
+using namespace stillpoint::rgbd_slam;
+
+SlamSystem::Settings small_settings() {
+  SlamSystem::Settings settings;
+  settings.features.features = 500;
+  return settings;
+}
+
+std::optional<Eigen::Isometry3d> feed(Tracker& tracker, const RgbdFrame& frame) {
+  const std::size_t n = tracker.extract(frame, DynamicMask()).size();
+  return tracker.track(frame, DynamicMask(), test_scene::keep_all(n));
+}
+
+// Largest distance between the trajectory and the path it was rendered from, metres.
+double worst_error(const Trajectory& trajectory,
+                   const std::function<Eigen::Isometry3d(double)>& truth) {
+  const Eigen::Isometry3d origin =
+      trajectory.front().T_world_camera * truth(trajectory.front().timestamp).inverse();
+  double worst = 0;
+  for (const StampedPose& p : trajectory)
+    worst = std::max(
+        worst,
+        (p.T_world_camera.translation() - (origin * truth(p.timestamp)).translation()).norm());
+  return worst;
+}
+
+Eigen::Isometry3d sway(double t) { return test_scene::path(static_cast<int>(std::lround(t * 30))); }
+
+KeypointFrame frame_of(std::size_t n, std::uint64_t seed) {
+  KeypointFrame f;
+  for (std::size_t i = 0; i < n; ++i) {
+    FrameKeypoint k;
+    k.depth_m = 2;
+    f.keypoints.push_back(k);
+    f.descriptors.push_back({seed, i, 0, 0});
+  }
+  return f;
+}
+
+TEST(Map, KeepsObservationsOfBothSidesTogether) {
+  Map map;
+  Keyframe& a = map.add_keyframe(frame_of(30, 1), Eigen::Isometry3d::Identity());
+  Keyframe& b = map.add_keyframe(frame_of(30, 2), Eigen::Isometry3d::Identity());
+  for (int i = 0; i < 20; ++i) map.observe(map.add_point({0, 0, 2.0 + i}, a, i), b, 29 - i);
+  map.update_connections(b.id);
+  EXPECT_EQ(a.covisible.at(b.id), 20);
+  EXPECT_EQ(b.parent, a.id);
+  EXPECT_EQ(map.neighbors(a.id), std::vector<KeyframeId>{b.id});
+
+  MapPoint& twin = map.add_point({0, 0, 2}, b, 0);
+  const PointId twin_id = twin.id;
+  map.replace_point(twin_id, 5);
+  EXPECT_EQ(map.point(twin_id), nullptr);
+  EXPECT_EQ(map.resolve(twin_id), 5);
+  EXPECT_EQ(b.points[0], kNone);  // point 5 is seen by b at another keypoint
+
+  map.forget(3, a.id);
+  EXPECT_EQ(a.points[3], kNone);
+  ASSERT_NE(map.point(3), nullptr);
+  EXPECT_EQ(map.point(3)->reference, b.id);
+  map.forget(3, b.id);
+  EXPECT_EQ(map.point(3), nullptr);
+  EXPECT_EQ(map.point_count(), 19u);
+}
+
+TEST(Map, KeepsThePoseOfACulledKeyframeRelativeToItsParent) {
+  Map map;
+  Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+  for (int i = 0; i < 3; ++i) {
+    T.translation().x() = i;
+    map.add_keyframe(frame_of(5, 1), T);
+    map.update_connections(i);
+  }
+  map.cull_keyframe(0);
+  EXPECT_NE(map.keyframe(0), nullptr);  // the origin stays
+  map.cull_keyframe(1);
+  EXPECT_EQ(map.keyframe(1), nullptr);
+  EXPECT_EQ(map.keyframe(2)->parent, 0);
+  EXPECT_NEAR(map.pose_of(1).translation().x(), 1, 1e-12);
+  Eigen::Isometry3d moved = Eigen::Isometry3d::Identity();
+  moved.translation().y() = 7;
+  move_map(map, {{0, moved}});
+  EXPECT_NEAR(map.pose_of(1).translation().y(), 7, 1e-12);
+  EXPECT_NEAR(map.pose_of(2).translation().y(), 7, 1e-12);
+}
+
+TEST(PlaceIndex, FindsTheNoisyPlaceAndForgetsRemovedOnes) {
+  const auto word = [](int place, int i) {
+    Descriptor d;
+    for (std::uint32_t w = 0; w < 4; ++w)
+      d[w] = std::uint64_t{test_scene::mix(static_cast<std::uint32_t>(place * 100000 + i * 8) + w)}
+                 << 32 |
+             test_scene::mix(static_cast<std::uint32_t>(place * 100000 + i * 8 + 4) + w);
+    return d;
+  };
+  PlaceIndex index;
+  for (int place = 0; place < 20; ++place) {
+    std::vector<Descriptor> all;
+    for (int i = 0; i < 100; ++i) all.push_back(word(place, i));
+    index.add(place, all);
+  }
+  std::vector<Descriptor> seen;
+  for (int i = 0; i < 60; ++i) {
+    Descriptor d = word(7, i);
+    for (int bit = 0; bit < 20; ++bit) d[bit % 4] ^= 1ull << ((bit * 13 + i) % 64);
+    seen.push_back(d);
+  }
+  const auto votes = index.query(seen);
+  ASSERT_FALSE(votes.empty());
+  EXPECT_EQ(votes[0].place, 7);
+  EXPECT_GT(votes[0].votes, 40);
+  for (int place = 0; place < 15; ++place) index.remove(place);
+  EXPECT_EQ(index.size(), 500u);
+  for (const auto& v : index.query(seen)) EXPECT_GE(v.place, 15);
+}
+
+TEST(BundleAdjustment, HasExactDerivatives) {
+  BundleProblem::Residual r{0, 0, {100, 90}, 0.4, 1.2};
+  const ReprojectionCost cost(test_scene::camera(), NoiseModel(), r, true);
+  const Eigen::Quaterniond q0 = Eigen::Quaterniond(0.9, 0.2, -0.3, 0.1).normalized();
+  double q[4] = {q0.x(), q0.y(), q0.z(), q0.w()}, t[3] = {0.1, -0.2, 0.3}, X[3] = {0.5, 0.4, 3};
+  double* parameters[] = {q, t, X};
+  double value[3], jq[12], jt[9], jx[9];
+  double* jacobians[] = {jq, jt, jx};
+  ASSERT_TRUE(cost.Evaluate(parameters, value, jacobians));
+  const int sizes[] = {4, 3, 3};
+  for (int block = 0; block < 3; ++block)
+    for (int i = 0; i < sizes[block]; ++i) {
+      const double h = 1e-6, old = parameters[block][i];
+      double up[3], down[3];
+      parameters[block][i] = old + h;
+      cost.Evaluate(parameters, up, nullptr);
+      parameters[block][i] = old - h;
+      cost.Evaluate(parameters, down, nullptr);
+      parameters[block][i] = old;
+      // Off the unit sphere the rotation matrix differs from q X q*: compare along the sphere only.
+      if (block == 0) continue;
+      for (int row = 0; row < 3; ++row)
+        EXPECT_NEAR(jacobians[block][row * sizes[block] + i], (up[row] - down[row]) / (2 * h),
+                    1e-4 * (1 + std::abs(up[row])));
+    }
+  for (int axis = 0; axis < 3; ++axis) {
+    const double h = 1e-6;
+    Eigen::Vector3d w = Eigen::Vector3d::Zero();
+    w[axis] = h;
+    double values[2][3];
+    Eigen::Vector4d tangent;
+    for (int side = 0; side < 2; ++side) {
+      const Eigen::Quaterniond turned =
+          Eigen::Quaterniond(Eigen::AngleAxisd((side ? -h : h), w / h)) * q0;
+      double qt[4] = {turned.x(), turned.y(), turned.z(), turned.w()};
+      const double* p[] = {qt, t, X};
+      cost.Evaluate(p, values[side], nullptr);
+      tangent = side ? Eigen::Vector4d((tangent - turned.coeffs()) / (2 * h))
+                     : Eigen::Vector4d(turned.coeffs());
+    }
+    for (int row = 0; row < 3; ++row) {
+      double expected = 0;
+      for (int i = 0; i < 4; ++i) expected += jq[row * 4 + i] * tangent[i];
+      EXPECT_NEAR(expected, (values[0][row] - values[1][row]) / (2 * h),
+                  1e-4 * (1 + std::abs(expected)));
+    }
+  }
+}
+
+TEST(PoseGraph, SpreadsTheDriftOverTheLoop) {
+  // A circle whose odometry turns a little too far; one edge says where the end really is.
+  constexpr int kCount = 20;
+  const auto truth = [](int i) {
+    const double angle = 2 * std::acos(-1.0) * i / kCount;
+    Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+    T.linear() = Eigen::AngleAxisd(angle, Eigen::Vector3d::UnitY()).toRotationMatrix();
+    T.translation() = T.linear() * Eigen::Vector3d(0, 0, -3);
+    return Eigen::Isometry3d(T.inverse());
+  };
+  std::map<KeyframeId, Eigen::Isometry3d> poses{{0, truth(0)}};
+  std::vector<PoseGraphEdge> edges;
+  Eigen::Isometry3d drift = Eigen::Isometry3d::Identity();
+  drift.linear() = Eigen::AngleAxisd(0.01, Eigen::Vector3d::UnitY()).toRotationMatrix();
+  drift.translation() << 0.01, 0, 0;
+  for (int i = 1; i < kCount; ++i) {
+    const Eigen::Isometry3d step = drift * truth(i) * truth(i - 1).inverse();
+    poses[i] = step * poses[i - 1];
+    edges.push_back({i, i - 1, step});
+  }
+  edges.push_back({kCount - 1, 0, truth(kCount - 1) * truth(0).inverse()});
+  const auto error = [&] {
+    double worst = 0;
+    for (const auto& [id, T] : poses)
+      worst =
+          std::max(worst, (T.inverse().translation() - truth(id).inverse().translation()).norm());
+    return worst;
+  };
+  const double before = error();
+  ASSERT_TRUE(optimize_pose_graph(poses, edges, 0));
+  EXPECT_LT(error(), before / 3);
+  EXPECT_TRUE(poses[0].isApprox(truth(0), 1e-12));
+}
+
+TEST(SlamSystem, FollowsACamera) {
+  SlamSystem slam(test_scene::camera(), small_settings());
+  for (int step = 0; step < 60; ++step)
+    ASSERT_TRUE(feed(slam, test_scene::render(test_scene::path(3 * step), step * 0.1))) << step;
+  ASSERT_EQ(slam.trajectory().size(), 60u);
+  EXPECT_LT(worst_error(slam.trajectory(), sway), 0.03);
+  EXPECT_GE(slam.keyframes(), 3u);
+  EXPECT_LE(slam.keyframe_trajectory().size(), 40u);
+}
+
+TEST(SlamSystem, SaysThatItIsLostAndGoesOnInTheSameFrameOfReference) {
+  SlamSystem slam(test_scene::camera(), small_settings());
+  for (int step = 0; step < 20; ++step)
+    ASSERT_TRUE(feed(slam, test_scene::render(test_scene::path(3 * step), step * 0.1)));
+  RgbdFrame black = test_scene::render(test_scene::path(0), 2.0);
+  black.color.setTo(0);
+  for (int i = 0; i < 3; ++i) {
+    black.timestamp = 2.0 + 0.1 * i;
+    EXPECT_FALSE(feed(slam, black).has_value());
+    EXPECT_FALSE(slam.predicted_motion().has_value());
+  }
+  // Back at a place seen long ago.
+  RgbdFrame known = test_scene::render(test_scene::path(6), 2.4);
+  const auto T = feed(slam, known);
+  ASSERT_TRUE(T.has_value());
+  EXPECT_TRUE(slam.stats().recovered);
+  const Eigen::Isometry3d truth = test_scene::path(0).inverse() * test_scene::path(6);
+  EXPECT_LT((T->translation() - truth.translation()).norm(), 0.02);
+  EXPECT_EQ(slam.trajectory().size(), 21u);
+}
+
+TEST(SlamSystem, StartsAnewWhenAYoungMapIsLost) {
+  SlamSystem::Settings settings = small_settings();
+  settings.tracking.restart_after = 3;
+  SlamSystem slam(test_scene::camera(), settings);
+  ASSERT_TRUE(feed(slam, test_scene::render(test_scene::path(0), 0)));
+  RgbdFrame black = test_scene::render(test_scene::path(0), 0.1);
+  black.color.setTo(0);
+  for (int i = 0; i < 4; ++i) EXPECT_FALSE(feed(slam, black));
+  EXPECT_TRUE(slam.trajectory().empty());
+  EXPECT_TRUE(feed(slam, test_scene::render(test_scene::path(30), 1)));
+  EXPECT_EQ(slam.trajectory().size(), 1u);
+}
+
+TEST(SlamSystem, IsDeterministic) {
+  Trajectory first;
+  for (int run = 0; run < 2; ++run) {
+    SlamSystem slam(test_scene::camera(), small_settings());
+    for (int step = 0; step < 20; ++step)
+      feed(slam, test_scene::render(test_scene::path(5 * step), step * 0.1));
+    const Trajectory t = slam.trajectory();
+    if (run == 0) first = t;
+    ASSERT_EQ(t.size(), first.size());
+    for (std::size_t i = 0; i < t.size(); ++i)
+      EXPECT_EQ(t[i].T_world_camera.matrix(), first[i].T_world_camera.matrix());
+  }
+}
+
+TEST(SlamSystem, ThreadsGiveTheSameWithinNoise) {
+  SlamSystem::Settings settings = small_settings();
+  settings.threaded = true;
+  SlamSystem slam(test_scene::camera(), settings);
+  for (int step = 0; step < 40; ++step)
+    ASSERT_TRUE(feed(slam, test_scene::render(test_scene::path(3 * step), step * 0.1))) << step;
+  slam.finish();
+  EXPECT_LT(worst_error(slam.trajectory(), sway), 0.03);
+}
+
+TEST(SlamSystem, RefusesASelectionOfOtherKeypoints) {
+  SlamSystem slam(test_scene::camera(), small_settings());
+  const RgbdFrame frame = test_scene::render(test_scene::path(0), 0);
+  slam.extract(frame, DynamicMask());
+  EXPECT_THROW(slam.track(frame, DynamicMask(), test_scene::keep_all(3)), Error);
+  EXPECT_THROW(SlamSystem{Camera()}, Error);
+}
+
+}  // namespace
