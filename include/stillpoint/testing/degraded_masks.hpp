@@ -17,9 +17,9 @@ namespace stillpoint {
 struct MaskDamage {
   /// A spell of frames in which the whole instance is missing begins with this chance on a sharp
   /// picture, and more per pixel of blur.
-  double miss_chance = 0.004, miss_chance_per_px = 0.0032;
+  double miss_chance = 0.002, miss_chance_per_px = 0.0026;
   /// The same for one limb (or the carried object).
-  double limb_chance = 0.012, limb_chance_per_px = 0.005;
+  double limb_chance = 0.008, limb_chance_per_px = 0.004;
   /// Spells last 1 to this many frames.
   int longest_spell = 5;
   /// Borders wander by about this many pixels, and more per pixel of blur (at 640 wide).
@@ -92,9 +92,9 @@ inline cv::Mat degrade_masks(const cv::Mat& labels, const cv::Mat& limbs, int fr
     return lost[static_cast<std::size_t>(label * kLimbs + limb)] ? 0 : label;
   };
   // Ragged borders: each pixel looks at a place moved by a field of noise, whose strength belongs
-  // to the nearest instance. 5-pixel waves on top of 22-pixel ones.
+  // to the nearest instance. 6-pixel waves on top of 22-pixel ones.
   const std::uint64_t field = hash(seed, number(frame), 0xf1e1d);
-  const auto coarse = static_cast<float>(22 * scale), fine = static_cast<float>(5 * scale);
+  const auto coarse = static_cast<float>(22 * scale), fine = static_cast<float>(6 * scale);
   cv::Mat result(labels.size(), CV_8UC1);
   const int reach = std::max(1, static_cast<int>(10 * scale));
   for (int y = 0; y < labels.rows; ++y)
@@ -111,14 +111,20 @@ inline cv::Mat degrade_masks(const cv::Mat& labels, const cv::Mat& limbs, int fr
         continue;
       }
       const auto fx = static_cast<float>(x), fy = static_cast<float>(y);
-      const auto at = [&](std::uint64_t which) {
+      const auto moved_by = [&](std::uint64_t which) {
         const float wide = value_noise(fx / coarse, fy / coarse, 4096, 4096, field + which) - 0.5f;
-        const float near = value_noise(fx / fine, fy / fine, 4096, 4096, field + which + 2) - 0.5f;
-        return strength * (3.2f * wide + 2.0f * near);
+        const float near = value_noise(fx / fine, fy / fine, 4096, 4096, field + which + 4) - 0.5f;
+        return strength * (3.2f * wide + 1.4f * near);
       };
-      const int sx = std::clamp(static_cast<int>(fx + at(0) + 1000.5f) - 1000, 0, labels.cols - 1);
-      const int sy = std::clamp(static_cast<int>(fy + at(1) + 1000.5f) - 1000, 0, labels.rows - 1);
-      result.at<uchar>(y, x) = static_cast<uchar>(kept(sx, sy));
+      const auto looked_up = [&](std::uint64_t which) {
+        const int sx = static_cast<int>(fx + moved_by(which) + 1000.5f) - 1000;
+        const int sy = static_cast<int>(fy + moved_by(which + 1) + 1000.5f) - 1000;
+        return kept(std::clamp(sx, 0, labels.cols - 1), std::clamp(sy, 0, labels.rows - 1));
+      };
+      // A second look lets masks grow a little, as networks' do.
+      int label = looked_up(0);
+      if (label == 0) label = looked_up(2);
+      result.at<uchar>(y, x) = static_cast<uchar>(label);
     }
   return result;
 }

@@ -37,27 +37,47 @@ inline bool is_blocked(const Occluder& box, Vec3 p, Vec3 d) {
   return true;
 }
 
-inline bool is_blocked(const std::vector<Occluder>& boxes, Vec3 p, Vec3 d) {
-  for (const Occluder& box : boxes)
-    if (is_blocked(box, p, d)) return true;
+/// Length of the rays that ask how much of the surroundings is open.
+constexpr double kAmbientReach = 0.7;
+
+/// An occluder with the ball around it.
+struct BoundedOccluder {
+  Occluder box;
+  Vec3 centre;
+  double radius = 0;
+};
+
+/// True where any box lies between `p` and `p + d`; boxes whose ball the segment misses cost
+/// little.
+inline bool is_blocked(const std::vector<const BoundedOccluder*>& boxes, Vec3 p, Vec3 d) {
+  const double d2 = dot(d, d);
+  for (const BoundedOccluder* b : boxes) {
+    const Vec3 to = b->centre - p;
+    const double along = std::clamp(dot(to, d), 0.0, d2), r2 = dot(to, to);
+    // Squared distance of the centre from the segment's nearest point, times d2.
+    if (r2 * d2 - 2 * along * dot(to, d) + along * along > b->radius * b->radius * d2) continue;
+    if (is_blocked(b->box, p, d)) return true;
+  }
   return false;
 }
 
-/// Light at a point with normal `n`: 1 is white paper under the lamps. `seed` moves the samples.
-inline float light_at(const std::vector<Occluder>& boxes, const RoomExtent& room, Vec3 p, Vec3 n,
-                      std::uint64_t seed) {
+/// Light at a point with normal `n`: 1 is white paper under the lamps. `near` are the boxes within
+/// reach of the ambient rays, `large` those that throw visible shadows from afar. `seed` moves the
+/// samples.
+inline float light_at(const std::vector<const BoundedOccluder*>& near,
+                      const std::vector<const BoundedOccluder*>& large, const RoomExtent& room,
+                      Vec3 p, Vec3 n, std::uint64_t seed) {
   Random random(seed);
   double light = 0;
-  constexpr int kLamps = 6, kAmbient = 14;
+  constexpr int kLamps = 6, kAmbient = 10;
   for (int i = 0; i < kLamps; ++i) {
     const Vec3 lamp{(i % 3 - 1) * room.half_x * 0.6 + random.range(-0.6, 0.6),
                     (i / 3 - 0.5) * (room.y1 - room.y0) * 0.5 + random.range(-0.3, 0.3),
                     room.height - 0.02};
     const Vec3 d = lamp - p;
     const double r2 = dot(d, d), r = std::sqrt(r2), facing = dot(n, d) / r;
-    if (facing <= 0) continue;
-    if (is_blocked(boxes, p, d)) continue;
-    light += 1.5 * facing * (d.z / r) / (1 + r2);
+    if (facing <= 0 || is_blocked(near, p, d) || is_blocked(large, p, d)) continue;
+    light += 1.35 * facing * (d.z / r) / (1 + r2);
   }
   double open = 0;
   for (int i = 0; i < kAmbient; ++i) {
@@ -65,18 +85,24 @@ inline float light_at(const std::vector<Occluder>& boxes, const RoomExtent& room
     do {
       d = {random.range(-1, 1), random.range(-1, 1), random.range(-1, 1)};
     } while (dot(d, d) > 1 || dot(d, d) < 0.01);
-    d = normalized(normalized(d) + n * 1.02);
-    const Vec3 end = p + d * 0.9;
+    d = normalized(normalized(d) + n * 1.02) * kAmbientReach;
+    const Vec3 end = p + d;
     const bool outside = end.x < -room.half_x || end.x > room.half_x || end.y < room.y0 ||
                          end.y > room.y1 || end.z < 0 || end.z > room.height;
-    open += outside ? 0.6 : is_blocked(boxes, p, d * 0.9) ? 0.25 : 1;
+    open += outside ? 0.6 : is_blocked(near, p, d) ? 0.25 : 1;
   }
-  return static_cast<float>(0.16 + 0.5 * open / kAmbient + light);
+  return static_cast<float>(0.14 + 0.46 * open / kAmbient + light);
 }
 
 /// Gives every quad of the scene its light map; cells of about 0.25 m, at least 2 x 2 samples.
 inline void make_light_maps(StaticScene& scene, const RoomExtent& room) {
   std::uint64_t number = 0;
+  std::vector<BoundedOccluder> all;
+  for (const Occluder& box : scene.occluders)
+    all.push_back({box, box.frame.to_world({0, 0, box.size.z / 2}), norm(box.size) / 2});
+  std::vector<const BoundedOccluder*> large, near;
+  for (const BoundedOccluder& b : all)
+    if (b.radius > 0.3) large.push_back(&b);
   for (Quad& quad : scene.quads) {
     ++number;
     if (quad.glow > 0) continue;
@@ -85,11 +111,15 @@ inline void make_light_maps(StaticScene& scene, const RoomExtent& room) {
     };
     LightMap& map = quad.light_map;
     map.columns = samples(norm(quad.edge_u)), map.rows = samples(norm(quad.edge_v));
-    const Vec3 n = quad.normal();
+    const Vec3 n = quad.normal(), middle = quad.point(0.5, 0.5);
+    const double half = norm(quad.edge_u + quad.edge_v) / 2;
+    near.clear();
+    for (const BoundedOccluder& b : all)
+      if (norm(b.centre - middle) < half + b.radius + kAmbientReach) near.push_back(&b);
     for (int j = 0; j < map.rows; ++j)
       for (int i = 0; i < map.columns; ++i) {
         const double u = 0.02 + 0.96 * i / (map.columns - 1), v = 0.02 + 0.96 * j / (map.rows - 1);
-        map.light.push_back(light_at(scene.occluders, room, quad.point(u, v) + n * 0.006, n,
+        map.light.push_back(light_at(near, large, room, quad.point(u, v) + n * 0.006, n,
                                      hash(number, static_cast<std::uint64_t>(j * 64 + i))));
       }
   }

@@ -76,14 +76,27 @@ struct Canvas {
   /// Brightens and darkens by up to `amplitude` with noise of cells of the given size in pixels
   /// (powers of two, so that it repeats seamlessly).
   void noise(double amplitude, int cell_x, int cell_y, std::uint64_t seed) {
-    const int period_x = std::max(1, width / cell_x), period_y = std::max(1, height / cell_y);
-    for (int y = 0; y < height; ++y)
+    const int columns = std::max(1, width / cell_x), rows = std::max(1, height / cell_y);
+    std::vector<float> lattice(static_cast<std::size_t>(columns * rows));
+    for (std::size_t i = 0; i < lattice.size(); ++i)
+      lattice[i] = static_cast<float>(2 * uniform(hash(seed, i)) - 1);
+    const auto smooth = [](int i, int cell) {
+      const float w = static_cast<float>(i % cell) / static_cast<float>(cell);
+      return w * w * (3 - 2 * w);
+    };
+    for (int y = 0; y < height; ++y) {
+      const float* row0 = lattice.data() + y / cell_y % rows * columns;
+      const float* row1 = lattice.data() + (y / cell_y + 1) % rows * columns;
+      const float wy = smooth(y, cell_y);
       for (int x = 0; x < width; ++x) {
-        const float n = value_noise(static_cast<float>(x) / static_cast<float>(cell_x),
-                                    static_cast<float>(y) / static_cast<float>(cell_y), period_x,
-                                    period_y, seed);
-        at(x, y) = pack(scaled(unpack(at(x, y)), 1 + amplitude * (2.0 * n - 1)));
+        const int x0 = x / cell_x % columns, x1 = (x0 + 1) % columns;
+        const float wx = smooth(x, cell_x);
+        const float top = row0[x0] + (row0[x1] - row0[x0]) * wx;
+        const float bottom = row1[x0] + (row1[x1] - row1[x0]) * wx;
+        const double n = static_cast<double>(top + (bottom - top) * wy);
+        at(x, y) = pack(scaled(unpack(at(x, y)), 1 + amplitude * n));
       }
+    }
   }
   /// Lines of made-up letters in a rectangle; `size` is the pixels of a letter's stroke.
   void text(int x0, int y0, int x1, int y1, int size, Color ink, std::uint64_t seed) {
