@@ -123,7 +123,7 @@ class DepthMaskFuser {
         continue;
       }
       const uchar* in = instance.mask.ptr<uchar>(y);
-      for (int x = 0; x < instance.box.width; ++x) out[x] = static_cast<uchar>(out[x] | in[x]);
+      detail::or_into(in, static_cast<std::size_t>(instance.box.width), out);
     }
   }
 

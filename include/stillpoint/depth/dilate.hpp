@@ -6,6 +6,8 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
+#include "stillpoint/core/config.hpp"
+
 namespace stillpoint {
 
 /// `r` grown by `margin_px` on each side, clipped to the picture.
@@ -22,12 +24,16 @@ struct DilationBuffer {
 
 namespace detail {
 
-// out[i] = OR of in[i - radius .. i + radius] by doubling; rows of `stride` bytes, `step` =
-// distance between neighbors (1: along a row). Both buffers hold `count` bytes and `radius * step`
-// of zero margin on both sides.
-inline void or_shifted(const uchar* in, uchar* out, std::size_t n, std::size_t shift) {
+// out[i] = in[i] | in[i + shift]
+inline void or_shifted(const uchar* STILLPOINT_RESTRICT in, uchar* STILLPOINT_RESTRICT out,
+                       std::size_t n, std::size_t shift) {
   const uchar* shifted = in + shift;
   for (std::size_t i = 0; i < n; ++i) out[i] = static_cast<uchar>(in[i] | shifted[i]);
+}
+
+inline void or_into(const uchar* STILLPOINT_RESTRICT in, std::size_t n,
+                    uchar* STILLPOINT_RESTRICT out) {
+  for (std::size_t i = 0; i < n; ++i) out[i] = static_cast<uchar>(out[i] | in[i]);
 }
 
 }  // namespace detail
@@ -67,9 +73,9 @@ inline void dilate_rects(const cv::Mat& in, const std::vector<cv::Rect>& rects, 
       }
     }
     for (int y = 0; y < target.height; ++y) {
-      const uchar* from = a + static_cast<std::size_t>(y) * stride;
-      uchar* to = out.ptr<uchar>(target.y + y) + target.x;
-      for (int x = 0; x < target.width; ++x) to[x] |= from[x];
+      detail::or_into(a + static_cast<std::size_t>(y) * stride,
+                      static_cast<std::size_t>(target.width),
+                      out.ptr<uchar>(target.y + y) + target.x);
     }
   }
 }

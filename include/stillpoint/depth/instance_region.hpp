@@ -9,6 +9,7 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
+#include "stillpoint/core/config.hpp"
 #include "stillpoint/core/depth_view.hpp"
 #include "stillpoint/core/instance.hpp"
 #include "stillpoint/depth/depth_mask_fuser_settings.hpp"
@@ -186,7 +187,6 @@ class InstanceRegion {
     const int cell = settings_.cell_px;
     const std::size_t w = static_cast<std::size_t>(used_.width * cell);
     lo_.resize(std::max(lo_.size(), w)), span_.resize(std::max(span_.size(), w));
-    use_.resize(std::max(use_.size(), w));
     column_lo_.resize(std::max(column_lo_.size(), static_cast<std::size_t>(cells_.width)));
     column_hi_.resize(column_lo_.size());
     for (int cy = 0; cy < used_.height; ++cy) {
@@ -220,40 +220,77 @@ class InstanceRegion {
       }
       const bool any = hi > 0;
       any_in_row = any_in_row || any;
-      std::uint16_t lo_units = 0, span = 0;
+      // A cell without any takes a range that no depth has: a fraction of a millimetre.
+      std::uint16_t lo_units = 1, span = 0;
       if (any) {
         const float slack = 0.03f + 0.01f * lo;
         const int a = std::max(1, depth.to_units(lo - slack)), b = depth.to_units(hi + slack);
         lo_units = static_cast<std::uint16_t>(a), span = static_cast<std::uint16_t>(b - a);
       }
-      const std::size_t at = static_cast<std::size_t>(cx * settings_.cell_px);
-      for (std::size_t x = at; x < at + static_cast<std::size_t>(settings_.cell_px); ++x)
-        lo_[x] = lo_units, span_[x] = span, use_[x] = any ? 255 : 0;
+      const std::size_t cell = static_cast<std::size_t>(settings_.cell_px);
+      fill(lo_.data() + static_cast<std::size_t>(cx) * cell, cell, lo_units);
+      fill(span_.data() + static_cast<std::size_t>(cx) * cell, cell, span);
     }
     return any_in_row;
+  }
+
+  static void fill(std::uint16_t* to, std::size_t n, std::uint16_t value) {
+    const std::uint64_t four = value * 0x0001000100010001ull;
+    std::size_t i = 0;
+    for (; i + 4 <= n; i += 4) std::memcpy(to + i, &four, sizeof four);
+    for (; i < n; ++i) to[i] = value;
   }
 
   void write_row(const DepthView& depth, const Instance& instance, int y, bool any, uchar* to) {
     const std::uint16_t* z = depth.row(area_.y + y) + area_.x;
     const std::size_t w = static_cast<std::size_t>(area_.width);
-    if (any) {
-      const std::uint16_t *lo = lo_.data(), *span = span_.data();
-      const uchar* use = use_.data();
-      for (std::size_t x = 0; x < w; ++x) {
-        const std::uint16_t offset = static_cast<std::uint16_t>(z[x] - lo[x]);
-        to[x] = offset <= span[x] ? use[x] : uchar{0};
-      }
-    } else {
+    if (any)
+      select_range(z, lo_.data(), span_.data(), w, to);
+    else
       std::memset(to, 0, w);
-    }
     // What has no depth stays as the segmenter said.
     const int in_box = area_.y + y - instance.box.y;
     if (instance.mask.empty() || in_box < 0 || in_box >= instance.box.height) return;
-    const uchar* mask = instance.mask.ptr<uchar>(in_box);
-    const std::uint16_t* z_box = z + (instance.box.x - area_.x);
-    uchar* to_box = to + (instance.box.x - area_.x);
-    for (int x = 0; x < instance.box.width; ++x)
-      to_box[x] = static_cast<uchar>(to_box[x] | (z_box[x] == 0 ? mask[x] : 0));
+    const int at = instance.box.x - area_.x;
+    keep_unmeasured(z + at, instance.mask.ptr<uchar>(in_box),
+                    static_cast<std::size_t>(instance.box.width), to + at);
+  }
+
+  static void select_range(const std::uint16_t* STILLPOINT_RESTRICT z,
+                           const std::uint16_t* STILLPOINT_RESTRICT lo,
+                           const std::uint16_t* STILLPOINT_RESTRICT span, std::size_t n,
+                           uchar* STILLPOINT_RESTRICT to) {
+    for (std::size_t x = 0; x < n; ++x) {
+      const std::uint16_t offset = static_cast<std::uint16_t>(z[x] - lo[x]);
+      to[x] = offset <= span[x] ? 255 : 0;
+    }
+  }
+
+  static void keep_unmeasured(const std::uint16_t* STILLPOINT_RESTRICT z,
+                              const uchar* STILLPOINT_RESTRICT mask, std::size_t n,
+                              uchar* STILLPOINT_RESTRICT to) {
+    for (std::size_t x = 0; x < n; ++x) {
+      const uchar unmeasured = z[x] == 0 ? 255 : 0;
+      to[x] = static_cast<uchar>(to[x] | (unmeasured & mask[x]));
+    }
+  }
+
+  static void widen_row(const uchar* STILLPOINT_RESTRICT in, std::size_t n,
+                        uchar* STILLPOINT_RESTRICT to) {
+    to[0] = static_cast<uchar>(in[0] | (n > 1 ? in[1] : 0));
+    for (std::size_t x = 1; x + 1 < n; ++x)
+      to[x] = static_cast<uchar>(in[x - 1] | in[x] | in[x + 1]);
+    if (n > 1) to[n - 1] = static_cast<uchar>(in[n - 2] | in[n - 1]);
+  }
+
+  static void claim_row(const std::uint16_t* STILLPOINT_RESTRICT z,
+                        const uchar* STILLPOINT_RESTRICT a, const uchar* STILLPOINT_RESTRICT b,
+                        const uchar* STILLPOINT_RESTRICT c, std::size_t n,
+                        uchar* STILLPOINT_RESTRICT to) {
+    for (std::size_t x = 0; x < n; ++x) {
+      const uchar unmeasured = z[x] == 0 ? 255 : 0;
+      to[x] = static_cast<uchar>(to[x] | (unmeasured & (a[x] | b[x] | c[x])));
+    }
   }
 
   // The camera measures nothing right at an object's outline: such a pixel beside the object is
@@ -261,29 +298,15 @@ class InstanceRegion {
   void claim_unmeasured_rim(const DepthView& depth, cv::Mat& out) {
     const std::size_t w = static_cast<std::size_t>(out.cols);
     for (auto& row : rim_rows_) row.assign(w, 0);
-    const auto widen = [&](int y, std::vector<uchar>& row) {
-      if (y >= out.rows) {
-        std::fill(row.begin(), row.end(), uchar{0});
-        return;
-      }
-      const uchar* in = out.ptr<uchar>(y);
-      uchar* to = row.data();
-      to[0] = static_cast<uchar>(in[0] | (w > 1 ? in[1] : 0));
-      for (std::size_t x = 1; x + 1 < w; ++x)
-        to[x] = static_cast<uchar>(in[x - 1] | in[x] | in[x + 1]);
-      if (w > 1) to[w - 1] = static_cast<uchar>(in[w - 2] | in[w - 1]);
-    };
     // Rows are widened before they are written: the rim does not grow on itself.
-    widen(0, rim_rows_[1]);
+    widen_row(out.ptr<uchar>(0), w, rim_rows_[1].data());
     for (int y = 0; y < out.rows; ++y) {
-      widen(y + 1, rim_rows_[2]);
-      const uchar *a = rim_rows_[0].data(), *b = rim_rows_[1].data(), *c = rim_rows_[2].data();
-      const std::uint16_t* z = depth.row(area_.y + y) + area_.x;
-      uchar* to = out.ptr<uchar>(y);
-      for (std::size_t x = 0; x < w; ++x) {
-        const uchar near = static_cast<uchar>(a[x] | b[x] | c[x]);
-        to[x] = static_cast<uchar>(to[x] | (z[x] == 0 ? near : 0));
-      }
+      if (y + 1 < out.rows)
+        widen_row(out.ptr<uchar>(y + 1), w, rim_rows_[2].data());
+      else
+        std::fill(rim_rows_[2].begin(), rim_rows_[2].end(), uchar{0});
+      claim_row(depth.row(area_.y + y) + area_.x, rim_rows_[0].data(), rim_rows_[1].data(),
+                rim_rows_[2].data(), w, out.ptr<uchar>(y));
       std::swap(rim_rows_[0], rim_rows_[1]);
       std::swap(rim_rows_[1], rim_rows_[2]);
     }
@@ -303,7 +326,6 @@ class InstanceRegion {
   std::vector<Visit> queue_;
   std::vector<float> column_lo_, column_hi_;
   std::vector<std::uint16_t> lo_, span_;
-  std::vector<uchar> use_;
   std::array<std::vector<uchar>, 3> rim_rows_;
 };
 

@@ -70,10 +70,10 @@ class ProbabilisticKeypointFilter {
     });
     // Weights by squared distance, in steps fine enough for a pixel's fraction near 0.
     const double r2_max = static_cast<double>(settings.radius_px) * settings.radius_px;
-    table_scale_ = r2_max > 0 ? (kTableSize - 1) / r2_max : 0;
-    table_.resize(kTableSize);
-    for (int i = 0; i < kTableSize; ++i) {
-      const double r = table_scale_ > 0 ? std::sqrt(i / table_scale_) : 0;
+    table_scale_ = r2_max > 0 ? static_cast<float>((kTableSize - 1) / r2_max) : 0;
+    table_.resize(kTableSize + 1);  // one more for the rounding of the squared distance
+    for (int i = 0; i <= kTableSize; ++i) {
+      const double r = r2_max > 0 ? std::sqrt(i * r2_max / (kTableSize - 1)) : 0;
       table_[static_cast<std::size_t>(i)] = static_cast<std::int64_t>(
           std::llround(kOne * settings.weight * std::exp(-settings.decay_per_px * r)));
     }
@@ -92,7 +92,7 @@ class ProbabilisticKeypointFilter {
       return std::string("filter: mask.image: expected CV_8UC1, 255 = dynamic");
     });
     predefine(keypoints, mask);
-    if (compute_probability && dynamic_count_ > 0) compute();
+    if (compute_probability && !dynamic_points_.empty()) compute();
     remove();
     return selection_;
   }
@@ -102,6 +102,7 @@ class ProbabilisticKeypointFilter {
 
  private:
   static constexpr int kTableSize = 4096;
+  static constexpr float kNearSteps = 3;
   static constexpr double kOne = 1 << 24;
 
   template <class Keypoints>
@@ -115,7 +116,7 @@ class ProbabilisticKeypointFilter {
     points_.clear();
     index_.clear();
     dynamic_.clear();
-    dynamic_count_ = 0;
+    dynamic_points_.clear();
     min_x_ = min_y_ = 1e9f, max_x_ = max_y_ = -1e9f;
     const float right = mask.image.empty() ? 1e9f : static_cast<float>(mask.image.cols) - 0.5f;
     const float bottom = mask.image.empty() ? 1e9f : static_cast<float>(mask.image.rows) - 0.5f;
@@ -131,7 +132,7 @@ class ProbabilisticKeypointFilter {
       index_.push_back(static_cast<int>(i));
       dynamic_.push_back(dynamic);
       if (!dynamic) continue;
-      ++dynamic_count_;
+      dynamic_points_.emplace_back(x, y);
       selection_.probability[i] = 1;
       selection_.reason[i] = KeypointReason::kInMask;
       min_x_ = std::min(min_x_, x), max_x_ = std::max(max_x_, x);
@@ -141,21 +142,19 @@ class ProbabilisticKeypointFilter {
 
   void compute() {
     mark_near_cells();
-    search_.build(points_, settings_.radius_px);
+    all_.build(points_, settings_.radius_px);
+    dynamic_search_.build(dynamic_points_, settings_.radius_px);
     for (std::size_t i = 0; i < points_.size(); ++i) {
       if (dynamic_[i] || !near_dynamic(points_[i])) continue;
       const cv::Point2f p = points_[i];
-      std::int64_t sum = 0, neighbors = 0;
-      search_.for_each_neighbor(p, [&](int k) {
-        const std::size_t j = static_cast<std::size_t>(k);
-        if (j == i) return;
-        ++neighbors;
-        if (!dynamic_[j]) return;
-        const double dx = static_cast<double>(p.x) - points_[j].x;
-        const double dy = static_cast<double>(p.y) - points_[j].y;
-        sum += table_[static_cast<std::size_t>((dx * dx + dy * dy) * table_scale_ + 0.5)];
+      std::int64_t sum = 0;
+      dynamic_search_.for_each_neighbor(p, [&](int k) {
+        const cv::Point2f& q = dynamic_points_[static_cast<std::size_t>(k)];
+        const float dx = p.x - q.x, dy = p.y - q.y;
+        sum += table_[static_cast<std::size_t>((dx * dx + dy * dy) * table_scale_ + 0.5f)];
       });
-      if (neighbors == 0) continue;
+      if (sum == 0) continue;
+      const int neighbors = all_.count_neighbors(p) - 1;  // without the keypoint itself
       const float probability = static_cast<float>(
           std::min(1.0, static_cast<double>(sum) / (static_cast<double>(neighbors) * kOne)));
       const std::size_t original = static_cast<std::size_t>(index_[i]);
@@ -168,24 +167,46 @@ class ProbabilisticKeypointFilter {
   // A coarse picture of where dynamic keypoints are spares most static ones their query.
   void mark_near_cells() {
     const float radius = settings_.radius_px;
-    cell_ = std::max({radius, 8.0f, std::max(max_x_ - min_x_, max_y_ - min_y_) / 512});
-    columns_ = static_cast<int>((max_x_ - min_x_) / cell_) + 3;  // one cell of margin around
-    rows_ = static_cast<int>((max_y_ - min_y_) / cell_) + 3;
-    near_.assign(static_cast<std::size_t>(columns_) * rows_, 0);
-    for (std::size_t i = 0; i < points_.size(); ++i) {
-      if (!dynamic_[i]) continue;
-      const int cx = static_cast<int>((points_[i].x - min_x_) / cell_);
-      const int cy = static_cast<int>((points_[i].y - min_y_) / cell_);
-      for (int y = cy; y < cy + 3; ++y)
-        for (int x = cx; x < cx + 3; ++x) near_[static_cast<std::size_t>(y) * columns_ + x] = 1;
+    const float cell =
+        std::max({radius / kNearSteps, 4.0f, std::max(max_x_ - min_x_, max_y_ - min_y_) / 512});
+    per_cell_ = 1 / cell;
+    const int steps = static_cast<int>(radius * per_cell_) + 1;
+    left_ = min_x_ - static_cast<float>(steps) * cell;
+    top_ = min_y_ - static_cast<float>(steps) * cell;
+    columns_ = static_cast<int>((max_x_ - left_) * per_cell_) + steps + 2;
+    rows_ = static_cast<int>((max_y_ - top_) * per_cell_) + steps + 2;
+    near_.assign(static_cast<std::size_t>(columns_) * static_cast<std::size_t>(rows_), 0);
+    for (const cv::Point2f& p : dynamic_points_) near_[cell_index(p)] = 1;
+    // Widen by `steps` cells: rows first, then columns.
+    near_row_.resize(static_cast<std::size_t>(std::max(columns_, rows_)));
+    for (int y = 0; y < rows_; ++y)
+      widen(near_.data() + static_cast<std::ptrdiff_t>(y) * columns_, 1, columns_, steps);
+    for (int x = 0; x < columns_; ++x) widen(near_.data() + x, columns_, rows_, steps);
+  }
+
+  void widen(std::uint8_t* cells, std::ptrdiff_t step, int n, int radius) {
+    int last = -radius - 1;
+    for (int i = 0, ahead = 0; i < n; ++i) {
+      for (; ahead < n && ahead <= i + radius; ++ahead)
+        if (cells[ahead * step]) last = ahead;
+      near_row_[static_cast<std::size_t>(i)] = last >= i - radius;
     }
+    for (int i = 0; i < n; ++i) cells[i * step] = near_row_[static_cast<std::size_t>(i)];
+  }
+
+  std::size_t cell_index(const cv::Point2f& p) const {
+    return static_cast<std::size_t>(static_cast<int>((p.y - top_) * per_cell_)) *
+               static_cast<std::size_t>(columns_) +
+           static_cast<std::size_t>(static_cast<int>((p.x - left_) * per_cell_));
   }
 
   bool near_dynamic(const cv::Point2f& p) const {
-    const int x = static_cast<int>(std::floor((p.x - min_x_) / cell_)) + 1;
-    const int y = static_cast<int>(std::floor((p.y - min_y_) / cell_)) + 1;
-    return x >= 0 && y >= 0 && x < columns_ && y < rows_ &&
-           near_[static_cast<std::size_t>(y) * columns_ + x];
+    if (p.x < left_ || p.y < top_) return false;
+    const int x = static_cast<int>((p.x - left_) * per_cell_);
+    const int y = static_cast<int>((p.y - top_) * per_cell_);
+    return x < columns_ && y < rows_ &&
+           near_[static_cast<std::size_t>(y) * static_cast<std::size_t>(columns_) +
+                 static_cast<std::size_t>(x)];
   }
 
   void remove() {
@@ -216,21 +237,21 @@ class ProbabilisticKeypointFilter {
   }
 
   Settings settings_;
-  NeighborSearch search_;
+  NeighborSearch all_, dynamic_search_;
   std::vector<std::int64_t> table_;
-  double table_scale_ = 0;
+  float table_scale_ = 0;
 
   Selection selection_;
   std::uint32_t status_ = kOk;
   std::vector<cv::Point2f> points_;  // inside the picture only
-  std::vector<int> index_;           // points_ -> the host's index
+  std::vector<cv::Point2f> dynamic_points_;
+  std::vector<int> index_;  // points_ -> the host's index
   std::vector<std::uint8_t> dynamic_;
-  int dynamic_count_ = 0;
   float min_x_ = 0, min_y_ = 0, max_x_ = 0, max_y_ = 0;  // of the dynamic ones
 
-  float cell_ = 1;
+  float per_cell_ = 1, left_ = 0, top_ = 0;
   int columns_ = 0, rows_ = 0;
-  std::vector<std::uint8_t> near_;
+  std::vector<std::uint8_t> near_, near_row_;
   std::vector<int> removed_;
 };
 

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <cstring>
 #include <opencv2/core.hpp>
 #include <optional>
 #include <string>
@@ -51,8 +52,13 @@ class RememberedObject {
       uchar* to = mask_.data() + static_cast<std::size_t>(y) * static_cast<std::size_t>(box_.width);
       const uchar* in = row_at(instance, y);
       const uchar* also = limit ? row_at(*limit, y) : nullptr;
-      for (int x = 0; x < box_.width; ++x)
-        to[x] = (!in || in[x]) && (!also || also[x]) ? uchar{255} : uchar{0};
+      if (!in) in = also, also = nullptr;
+      if (!in)
+        std::memset(to, 255, static_cast<std::size_t>(box_.width));
+      else if (!also)
+        std::memcpy(to, in, static_cast<std::size_t>(box_.width));
+      else
+        for (int x = 0; x < box_.width; ++x) to[x] = static_cast<uchar>(in[x] & also[x]);
     }
     // The picture is only looked at where the depth cannot tell.
     if (depth.empty()) patch_.sample(frame.color, instance);

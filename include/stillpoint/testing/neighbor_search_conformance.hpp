@@ -72,10 +72,13 @@ class NeighborSearchConformance : public ::testing::Test {
   void expect_exact(const std::vector<cv::Point2f>& points, float radius,
                     const std::vector<cv::Point2f>& queries) {
     search_.build(points, radius);
-    for (const cv::Point2f& query : queries)
-      ASSERT_EQ(found_neighbors(search_, query), expected_neighbors(points, query, radius))
+    for (const cv::Point2f& query : queries) {
+      const std::vector<int> expected = expected_neighbors(points, query, radius);
+      ASSERT_EQ(found_neighbors(search_, query), expected)
           << points.size() << " points, radius " << radius << ", query (" << query.x << ", "
           << query.y << ")";
+      ASSERT_EQ(search_.count_neighbors(query), static_cast<int>(expected.size()));
+    }
   }
 
   Search search_;

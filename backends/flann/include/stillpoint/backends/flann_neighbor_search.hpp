@@ -59,6 +59,12 @@ class FlannNeighborSearch {
     tree_->findNeighbors(candidates, coordinates, flann::SearchParams(-1, 0, false));
   }
 
+  int count_neighbors(const cv::Point2f& query) {
+    int count = 0;
+    for_each_neighbor(query, [&](int) { ++count; });
+    return count;
+  }
+
  private:
   using Tree = flann::KDTreeSingleIndex<flann::L2_Simple<float>>;
 

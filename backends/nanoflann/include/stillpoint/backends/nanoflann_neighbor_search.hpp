@@ -46,6 +46,12 @@ class NanoflannNeighborSearch {
     tree_->index.radiusSearchCustomCallback(coordinates, candidates);
   }
 
+  int count_neighbors(const cv::Point2f& query) {
+    int count = 0;
+    for_each_neighbor(query, [&](int) { ++count; });
+    return count;
+  }
+
  private:
   struct Cloud {
     std::size_t kdtree_get_point_count() const { return points ? points->size() : 0; }
