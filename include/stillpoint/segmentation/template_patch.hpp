@@ -44,7 +44,9 @@ class TemplatePatch {
           const cv::Point at(center.x + dx, center.y + dy);
           const double score = correlate(color, at);
           // Of equal scores the place nearest to the prediction wins.
-          if (score > best + 1e-9) best = score, corner = at;
+          const bool nearer = distance2(at, start) < distance2(corner, start);
+          if (score > best + 1e-9 || (score > -1 && score > best - 1e-9 && nearer))
+            best = score, corner = at;
         }
     }
     return best;
@@ -63,6 +65,10 @@ class TemplatePatch {
   // Green stands in for grey: no conversion of the picture.
   static std::uint8_t value(const cv::Mat& color, int x, int y) {
     return color.channels() == 3 ? color.ptr<uchar>(y)[3 * x + 1] : color.ptr<uchar>(y)[x];
+  }
+
+  static int distance2(const cv::Point& a, const cv::Point& b) {
+    return (a.x - b.x) * (a.x - b.x) + (a.y - b.y) * (a.y - b.y);
   }
 
   double correlate(const cv::Mat& color, const cv::Point& corner) const {
