@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "stillpoint/core/error.hpp"
+#include "stillpoint/core/frame.hpp"
 #include "stillpoint/core/keypoint.hpp"
 #include "stillpoint/core/mask.hpp"
 #include "stillpoint/core/selection.hpp"
@@ -88,8 +89,9 @@ class ProbabilisticKeypointFilter {
   template <class Keypoints>
   const Selection& filter(const Keypoints& keypoints, const DynamicMask& mask,
                           bool compute_probability = true) {
-    detail::check(mask.image.empty() || mask.image.type() == CV_8UC1, [] {
-      return std::string("filter: mask.image: expected CV_8UC1, 255 = dynamic");
+    detail::check(mask.image.empty() || mask.image.type() == CV_8UC1, [&] {
+      return "filter: mask.image: expected CV_8UC1, 255 = dynamic, found " +
+             detail::type_text(mask.image);
     });
     predefine(keypoints, mask);
     if (compute_probability && !dynamic_points_.empty()) compute();
