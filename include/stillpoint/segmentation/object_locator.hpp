@@ -45,6 +45,24 @@ class ObjectLocator {
     return true;
   }
 
+  /// Moves the prediction of an object onto what `seen` shows of it, for use where depth cannot
+  /// tell: else its parts that are merely predicted beside it would be taken for missing.
+  /// O(search places x 300 points).
+  void align_to(const Instance& seen, const cv::Size& size, RememberedObject& object) const {
+    object.shift_prediction(best_shift([&](const cv::Point& shift) {
+      const auto covered = [&](const RememberedObject::Point& point, int& in_picture) {
+        const auto p = object.predicted(point);
+        const cv::Point at = cv::Point(round(p.x), round(p.y)) + shift;
+        in_picture += at.x >= 0 && at.y >= 0 && at.x < size.width && at.y < size.height;
+        return covers(seen, at.x, at.y) ? 1 : 0;
+      };
+      int score = 0, in_picture = 0, ignored = 0;
+      for (const auto& point : object.inside()) score += 2 * covered(point, in_picture);
+      for (const auto& point : object.ring()) score -= covered(point, ignored);
+      return score - in_picture;
+    }));
+  }
+
   /// Share of the object's predicted pixels that the instance holds.
   double share_in(const RememberedObject& object, const Instance& instance) const {
     int held = 0;
@@ -138,21 +156,16 @@ class ObjectLocator {
       if (x >= width || y >= height) continue;
       ring += static_cast<std::uint16_t>(depth.row(static_cast<int>(y))[x] - p.lo) <= p.span;
     }
-    s.score = s.agree - ring;
+    // Pixels beyond the border speak neither for nor against a place.
+    s.score = 2 * s.agree - s.measured - ring;
     return s;
   }
 
   // Coarse to fine over the shifts; of equal scores the nearest to the prediction wins.
-  void align_by_depth(const DepthView& depth, RememberedObject& object) {
-    inside_.clear(), ring_.clear();
-    for (const auto& point : object.inside()) {
-      const auto p = object.predicted(point);
-      inside_.push_back(make_probe(depth, p, p.z));
-    }
-    for (const auto& point : object.ring())
-      ring_.push_back(make_probe(depth, object.predicted(point), object.predicted_depth_m()));
+  template <class Score>
+  cv::Point best_shift(Score&& score_at) const {
     cv::Point best(0, 0);
-    int best_score = support(depth, best).score;
+    int best_score = score_at(best);
     const auto cost = [](const cv::Point& s) { return (std::abs(s.x) + std::abs(s.y)) / 4; };
     for (int step = std::max(1, settings_.search_px / 3), first = step; step >= 2; step /= 2) {
       const cv::Point center = best;
@@ -161,11 +174,24 @@ class ObjectLocator {
         for (int x = -reach; x <= reach; ++x) {
           if (x == 0 && y == 0) continue;
           const cv::Point shift = center + cv::Point(x * step, y * step);
-          const int score = support(depth, shift).score;
+          const int score = score_at(shift);
           // A far shift must earn its distance.
           if (score - cost(shift) > best_score - cost(best)) best = shift, best_score = score;
         }
     }
+    return best;
+  }
+
+  void align_by_depth(const DepthView& depth, RememberedObject& object) {
+    inside_.clear(), ring_.clear();
+    for (const auto& point : object.inside()) {
+      const auto p = object.predicted(point);
+      inside_.push_back(make_probe(depth, p, p.z));
+    }
+    for (const auto& point : object.ring())
+      ring_.push_back(make_probe(depth, object.predicted(point), object.predicted_depth_m()));
+    const cv::Point best =
+        best_shift([&](const cv::Point& shift) { return support(depth, shift).score; });
     object.shift_prediction(best);
     for (Probe& p : inside_) p.x += best.x, p.y += best.y;
   }

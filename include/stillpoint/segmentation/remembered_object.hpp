@@ -129,19 +129,20 @@ class RememberedObject {
 
   /// The predicted box, clipped to the picture; empty if it has left it.
   cv::Rect predicted_box(const cv::Size& size) const {
-    float x0 = 1e9f, y0 = 1e9f, x1 = -1e9f, y1 = -1e9f;
+    float x0 = 1e6f, y0 = 1e6f, x1 = -1e6f, y1 = -1e6f;
     for (const int corner : {0, 1, 2, 3}) {
+      // Pixels reach half a pixel around their centres.
       const Point p =
-          predicted({static_cast<float>(box_.x + (corner & 1) * (box_.width - 1)),
-                     static_cast<float>(box_.y + (corner >> 1) * (box_.height - 1)), 0});
-      x0 = std::min(x0, p.x), x1 = std::max(x1, p.x), y0 = std::min(y0, p.y),
-      y1 = std::max(y1, p.y);
+          predicted({static_cast<float>(box_.x + (corner & 1 ? box_.width : 0)) - 0.5f,
+                     static_cast<float>(box_.y + (corner & 2 ? box_.height : 0)) - 0.5f, 0});
+      x0 = std::min(x0, p.x), x1 = std::max(x1, p.x);
+      y0 = std::min(y0, p.y), y1 = std::max(y1, p.y);
     }
-    x0 = std::max(x0, -1e6f), y0 = std::max(y0, -1e6f), x1 = std::min(x1, 1e6f),
-    y1 = std::min(y1, 1e6f);
-    const int x = static_cast<int>(std::floor(x0)), y = static_cast<int>(std::floor(y0));
-    return cv::Rect(x, y, std::max(0, static_cast<int>(std::ceil(x1)) - x + 1),
-                    std::max(0, static_cast<int>(std::ceil(y1)) - y + 1)) &
+    const auto first = [](float v) {
+      return static_cast<int>(std::ceil(std::min(1e6f, std::max(-1e6f, v))));
+    };
+    const int x = first(x0), y = first(y0);
+    return cv::Rect(x, y, std::max(0, first(x1) - x), std::max(0, first(y1) - y)) &
            cv::Rect(cv::Point(), size);
   }
 

@@ -207,6 +207,9 @@ class SegmentationCompensator {
       object.alive = false;
       return;
     }
+    if (seen && (depth_.empty() || object.depth_m() == 0))
+      locator_.align_to(output_.instances[static_cast<std::size_t>(instance_of_[j])],
+                        frame.color.size(), object);
     const double missing =
         locator_.missing_share(depth_, frame.color.size(), object, output_.instances, given_);
     if (missing <= 1 - settings_.area_ratio) {

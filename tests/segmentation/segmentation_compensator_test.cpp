@@ -1,0 +1,626 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "stillpoint/segmentation/segmentation_compensator.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "../flat_scene.hpp"
+#include "../io/temporary_folder.hpp"
+
+namespace {
+
+using namespace stillpoint;
+using Settings = SegmentationCompensatorSettings;
+
+const double kStart = 1341846313.592026;
+
+// A figure of 36 x 100 pixels at 2 m that walks `v` pixels per second from (x, y).
+struct Walker {
+  double x = 60, y = 80, vx = 90, vy = -20;
+  float depth_m = 2;
+  std::uint32_t texture = 1;
+  cv::Size size{36, 100};
+
+  Figure at(double t) const {
+    return {{static_cast<int>(std::lround(x + vx * t)), static_cast<int>(std::lround(y + vy * t)),
+             size.width, size.height},
+            depth_m,
+            texture};
+  }
+};
+
+// Shows walkers to a compensator.
+struct Show {
+  FlatScene scene;
+  SegmentationCompensator compensator;
+  explicit Show(const Settings& settings = {}, const FlatScene& s = {})
+      : scene(s), compensator(settings, s.camera()) {}
+
+  // All of `seen` are segmented; `hidden` are in the picture, but missed.
+  const Segmentation& show(double t, const std::vector<Walker>& seen,
+                           const std::vector<Walker>& hidden = {}) {
+    std::vector<Figure> figures;
+    std::vector<Instance> instances;
+    for (const Walker& w : seen) {
+      figures.push_back(w.at(t));
+      if (!(w.at(t).box & cv::Rect(cv::Point(), scene.size)).empty())
+        instances.push_back(box_instance(w.at(t).box, scene.size));
+    }
+    for (const Walker& w : hidden) figures.push_back(w.at(t));
+    return compensator.compensate(scene.frame(kStart + t, figures), result(instances));
+  }
+  // No result for this frame.
+  const Segmentation& skip(double t, const std::vector<Walker>& there) {
+    std::vector<Figure> figures;
+    for (const Walker& w : there) figures.push_back(w.at(t));
+    return compensator.compensate(scene.frame(kStart + t, figures), Segmentation());
+  }
+  cv::Mat truth(double t, const std::vector<Walker>& walkers) const {
+    std::vector<cv::Rect> boxes;
+    for (const Walker& w : walkers) boxes.push_back(w.at(t).box);
+    return picture_of(boxes, scene.size);
+  }
+  double iou_at(double t, const std::vector<Walker>& walkers, const Segmentation& found) const {
+    return iou(picture_of(found.instances, scene.size), truth(t, walkers));
+  }
+};
+
+FlatScene without_depth() {
+  FlatScene scene;
+  scene.with_depth = false;
+  return scene;
+}
+
+FlatScene mono() {
+  FlatScene scene = without_depth();
+  scene.color_channels = 1;
+  return scene;
+}
+
+const FlatScene kScenes[] = {FlatScene(), without_depth(), mono()};
+
+TEST(SegmentationCompensator, PassesOnWhatIsSeen) {
+  Show show;
+  const Walker a, b{200, 60, -40, 0, 3, 2};
+  for (const double t : {0.0, 0.033, 0.067}) {
+    const Segmentation& out = show.show(t, {a, b});
+    ASSERT_EQ(out.instances.size(), 2u);
+    EXPECT_EQ(out.instances[0].box, a.at(t).box);
+    EXPECT_EQ(show.iou_at(t, {a, b}, out), 1);
+    EXPECT_TRUE(out.available);
+    EXPECT_EQ(out.timestamp, kStart + t);
+    EXPECT_EQ(show.compensator.restored(), 0);
+    EXPECT_EQ(show.compensator.status(), kOk);
+    EXPECT_EQ(show.compensator.age_s(), 0);
+  }
+}
+
+TEST(SegmentationCompensator, RestoresAMissingObjectOnItsLine) {
+  const Walker walker;
+  for (const Settings& settings : {Settings(), Settings::paper()})
+    for (const FlatScene& scene : kScenes) {
+      Show show(settings, scene);
+      for (const double t : {0.0, 0.033, 0.1, 0.133}) show.show(t, {walker});
+      // Dropped frames: it is 15 pixels further.
+      const Segmentation& out = show.show(0.3, {}, {walker});
+      ASSERT_EQ(out.instances.size(), 1u);
+      EXPECT_EQ(out.instances[0].class_name, "person");
+      EXPECT_NEAR(out.instances[0].box.x, walker.at(0.3).box.x, 2);
+      EXPECT_NEAR(out.instances[0].box.y, walker.at(0.3).box.y, 2);
+      EXPECT_GT(show.iou_at(0.3, {walker}, out), 0.9);
+      EXPECT_EQ(show.compensator.restored(), 1);
+      EXPECT_EQ(show.compensator.status(), kRestored);
+    }
+}
+
+TEST(SegmentationCompensator, ShortHistoriesMoveByWhatTheyHave) {
+  const Walker walker;
+  {
+    Show show(Settings::paper());
+    show.show(0, {walker});
+    const Segmentation& out = show.show(0.033, {}, {walker});
+    ASSERT_EQ(out.instances.size(), 1u);
+    EXPECT_EQ(out.instances[0].box.tl(), walker.at(0).box.tl()) << "copied in place";
+  }
+  Show show(Settings::paper());
+  show.show(0, {walker});
+  show.show(0.1, {walker});
+  const Segmentation& out = show.show(0.2, {}, {walker});
+  ASSERT_EQ(out.instances.size(), 1u);
+  EXPECT_EQ(out.instances[0].box.tl(), walker.at(0.2).box.tl()) << "two places: their line";
+}
+
+TEST(SegmentationCompensator, RestoredObjectsTakePartInTheHistory) {
+  const Walker walker{60, 80, 120, 0};
+  for (const FlatScene& scene : kScenes) {
+    Show show({}, scene);
+    double t = 0;
+    for (int i = 0; i < 4; ++i, t += 0.033) show.show(t, {walker});
+    for (int i = 0; i < 6; ++i, t += 0.033) {
+      const Segmentation& out = show.show(t, {}, {walker});
+      ASSERT_EQ(out.instances.size(), 1u) << i;
+      EXPECT_GT(show.iou_at(t, {walker}, out), 0.85) << i;
+    }
+    // Seen again, it is one object, not two.
+    EXPECT_EQ(show.show(t, {walker}).instances.size(), 1u);
+    EXPECT_EQ(show.compensator.restored(), 0);
+  }
+}
+
+TEST(SegmentationCompensator, RestoresMissingPartsByUnion) {
+  const Walker walker;
+  for (const FlatScene& scene : kScenes) {
+    Show show({}, scene);
+    for (const double t : {0.0, 0.033, 0.067}) show.show(t, {walker});
+    // The legs are missing: the lower third.
+    cv::Rect seen = walker.at(0.1).box;
+    seen.height = 66;
+    const Segmentation& out = show.compensator.compensate(
+        scene.frame(kStart + 0.1, {walker.at(0.1)}), result({box_instance(seen, scene.size)}));
+    ASSERT_EQ(out.instances.size(), 1u);
+    EXPECT_GT(show.iou_at(0.1, {walker}, out), 0.93);
+    const cv::Mat mended = picture_of(out.instances, scene.size);
+    EXPECT_EQ(pixels(mended(seen)), seen.area()) << "what was seen stays";
+    EXPECT_EQ(show.compensator.restored(), 1);
+    EXPECT_TRUE(show.compensator.status() & kRestored);
+  }
+}
+
+TEST(SegmentationCompensator, LeavesAlmostWholeObjectsAlone) {
+  const Walker walker;
+  Show show;
+  for (const double t : {0.0, 0.033, 0.067}) show.show(t, {walker});
+  cv::Rect seen = walker.at(0.1).box;
+  seen.height = 95;
+  const Segmentation& out =
+      show.compensator.compensate(show.scene.frame(kStart + 0.1, {walker.at(0.1)}),
+                                  result({box_instance(seen, show.scene.size)}));
+  ASSERT_EQ(out.instances.size(), 1u);
+  EXPECT_EQ(out.instances[0].box, seen);
+}
+
+TEST(SegmentationCompensator, DoesNotRestoreWhoLeftThePicture) {
+  const Walker walker{250, 80, 300, 0};  // its left edge leaves at 0.23 s
+  for (const Settings& settings : {Settings(), Settings::paper()})
+    for (const FlatScene& scene : kScenes) {
+      Show show(settings, scene);
+      for (const double t : {0.0, 0.05, 0.1, 0.15, 0.2}) show.show(t, {walker});
+      EXPECT_TRUE(show.show(0.25, {}, {walker}).instances.empty());
+      EXPECT_TRUE(show.show(0.3, {}, {walker}).instances.empty());
+      EXPECT_EQ(show.compensator.restored(), 0);
+    }
+}
+
+TEST(SegmentationCompensator, DoesNotRestoreWhoIsGone) {
+  // Seen at its place, then only the wall is there.
+  const Walker walker{140, 80, 0, 0};
+  for (const FlatScene& scene : kScenes) {
+    Show show({}, scene);
+    for (const double t : {0.0, 0.033, 0.067}) show.show(t, {walker});
+    EXPECT_TRUE(show.show(0.1, {}).instances.empty());
+    EXPECT_TRUE(show.show(0.133, {}).instances.empty());
+  }
+}
+
+TEST(SegmentationCompensator, DoesNotRestoreWhoIsHidden) {
+  // Walks behind a column, nearer to the camera.
+  const Walker walker{100, 80, 120, 0}, column{150, 20, 0, 0, 1, 5, {120, 200}};
+  for (const FlatScene& scene : kScenes) {
+    Show show({}, scene);
+    for (const double t : {0.0, 0.033, 0.067, 0.1}) show.show(t, {walker}, {column});
+    EXPECT_TRUE(show.show(0.6, {}, {walker, column}).instances.empty());
+  }
+}
+
+TEST(SegmentationCompensator, TellsObjectsAndClassesApart) {
+  const Walker person{40, 80, 60, 0, 2, 1}, cat{200, 150, -60, 0, 3, 2, {50, 30}},
+      other{130, 60, 0, 30, 2.5f, 3};
+  for (const FlatScene& scene : kScenes) {
+    Show show({}, scene);
+    const auto frame = [&](double t) {
+      return scene.frame(kStart + t, {person.at(t), cat.at(t), other.at(t)});
+    };
+    const auto instance = [&](const Walker& w, double t, const char* name) {
+      return box_instance(w.at(t).box, scene.size, name);
+    };
+    for (const double t : {0.0, 0.033, 0.067})
+      show.compensator.compensate(
+          frame(t),
+          result({instance(person, t, "person"), instance(cat, t, "cat"), instance(other, t, "")}));
+    const double t = 0.1;
+    const Segmentation& out =
+        show.compensator.compensate(frame(t), result({instance(other, t, "")}));
+    ASSERT_EQ(out.instances.size(), 3u);
+    EXPECT_EQ(show.compensator.restored(), 2);
+    EXPECT_EQ(out.instances[0].class_name, "") << "the given ones come first";
+    for (const Instance& s : out.instances) {
+      const Walker& w = s.class_name == "person" ? person : s.class_name == "cat" ? cat : other;
+      EXPECT_GT(iou(picture_of({s}, scene.size), show.truth(t, {w})), 0.85) << s.class_name;
+    }
+    EXPECT_NE(out.instances[1].class_name, out.instances[2].class_name);
+  }
+}
+
+TEST(SegmentationCompensator, FollowsObjectsThatChangeTheirOrder) {
+  const Walker a{60, 80, 60, 0, 2, 1}, b{200, 70, -60, 0, 2, 2};
+  Show show;
+  show.show(0, {a, b});
+  show.show(0.05, {b, a});
+  show.show(0.1, {a, b});
+  const Segmentation& out = show.show(0.15, {b}, {a});
+  ASSERT_EQ(out.instances.size(), 2u);
+  EXPECT_NEAR(out.instances[1].box.x, a.at(0.15).box.x, 2);
+}
+
+TEST(SegmentationCompensator, ForgetsAfterTooManyMisses) {
+  const Walker walker{140, 80, 0, 0};
+  Settings settings;
+  settings.max_restored_frames = 3;
+  Show show(settings);
+  double t = 0;
+  for (int i = 0; i < 3; ++i, t += 0.033) show.show(t, {walker});
+  for (int i = 0; i < 3; ++i, t += 0.033)
+    EXPECT_EQ(show.show(t, {}, {walker}).instances.size(), 1u) << i;
+  for (int i = 0; i < 3; ++i, t += 0.033)
+    EXPECT_TRUE(show.show(t, {}, {walker}).instances.empty()) << i;
+  // Seen again, it may be missed again.
+  show.show(t, {walker});
+  EXPECT_EQ(show.show(t + 0.033, {}, {walker}).instances.size(), 1u);
+}
+
+TEST(SegmentationCompensator, ForgetsAfterTooLongATime) {
+  const Walker walker{140, 80, 0, 0};
+  Settings settings;
+  settings.max_prediction_s = 0.4;
+  for (const FlatScene& scene : kScenes) {
+    Show show(settings, scene);
+    show.show(0, {walker});
+    for (const double t : {0.1, 0.2, 0.3, 0.39}) {
+      const Segmentation& out = show.skip(t, {walker});
+      EXPECT_EQ(out.instances.size(), 1u) << t;
+      EXPECT_FALSE(out.available);
+      EXPECT_EQ(show.compensator.status(), kNoSegmentation | kRestored);
+      EXPECT_NEAR(show.compensator.age_s(), t, 1e-6);
+    }
+    EXPECT_TRUE(show.skip(0.41, {walker}).instances.empty());
+    EXPECT_EQ(show.compensator.status(), kNoSegmentation | kMaskStale);
+    EXPECT_TRUE(show.skip(0.45, {walker}).instances.empty());
+  }
+}
+
+TEST(SegmentationCompensator, PredictsBetweenResultsAt4Hz) {
+  // 30 Hz frames, every eighth segmented; two people cross at 0.5 m/s and 0.3 m/s.
+  const Walker a{30, 80, 65, 0, 2, 1}, b{230, 70, -40, 0, 2.5f, 2};
+  for (const FlatScene& scene : kScenes) {
+    Show show({}, scene);
+    double sum = 0;
+    for (int i = 0; i <= 40; ++i) {
+      const double t = i / 30.0;
+      const Segmentation& out = i % 8 == 0 ? show.show(t, {a, b}) : show.skip(t, {a, b});
+      ASSERT_EQ(out.instances.size(), 2u) << i;
+      if (i > 8) {
+        const double quality = show.iou_at(t, {a, b}, out);
+        sum += quality;
+        EXPECT_GT(quality, 0.8) << i;
+      }
+    }
+    EXPECT_GT(sum / 32, 0.9);
+  }
+}
+
+TEST(SegmentationCompensator, SaysThatNothingWasEverSegmented) {
+  Show show;
+  EXPECT_TRUE(show.skip(0, {}).instances.empty());
+  EXPECT_EQ(show.compensator.status(), kNoSegmentation | kNeverSegmented);
+  EXPECT_TRUE(std::isinf(show.compensator.age_s()));
+  show.show(0.1, {});
+  EXPECT_EQ(show.compensator.status(), kOk);
+  show.skip(0.2, {});
+  EXPECT_EQ(show.compensator.status(), kNoSegmentation);
+  EXPECT_NEAR(show.compensator.age_s(), 0.1, 1e-6);
+}
+
+TEST(SegmentationCompensator, IgnoresInstancesWithoutAResult) {
+  Show show;
+  Segmentation wrong = result({box_instance({10, 10, 50, 50}, show.scene.size)});
+  wrong.available = false;
+  EXPECT_TRUE(show.compensator.compensate(show.scene.frame(kStart, {}), wrong).instances.empty());
+}
+
+TEST(SegmentationCompensator, CameraMotionCarriesObjects) {
+  // The camera turns left by 6 degrees: everything moves 27 pixels to the right.
+  const Walker before{100, 80, 0, 0};
+  const double angle = 6 * 3.14159265358979 / 180;
+  Eigen::Isometry3d turn = Eigen::Isometry3d::Identity();
+  turn.rotate(Eigen::AngleAxisd(angle, Eigen::Vector3d::UnitY()));
+  const FlatScene scene;
+  const Camera camera = scene.camera();
+  const Eigen::Vector2d center =
+      camera.project(turn * camera.unproject(100 + 17.5, 80 + 49.5, 2.0));
+  const int shift = static_cast<int>(std::lround(center.x() - (100 + 17.5)));
+  ASSERT_GT(shift, 24);
+  Walker after = before;
+  after.x += shift;
+
+  for (const Settings& preset : {Settings(), Settings::paper()})
+    for (const FlatScene& s : kScenes) {
+      Settings settings = preset;
+      settings.search_px = 4;
+      for (const bool known : {true, false}) {
+        Show show(settings, s);
+        show.show(0, {before});
+        const RgbdFrame frame = s.frame(kStart + 0.033, {after.at(0)}, shift);
+        const auto motion = known ? std::optional<Eigen::Isometry3d>(turn) : std::nullopt;
+        const Segmentation& out = show.compensator.compensate(frame, result({}), motion);
+        if (known) {
+          ASSERT_EQ(out.instances.size(), 1u);
+          EXPECT_GT(show.iou_at(0, {after}, out), 0.85);
+        } else {
+          EXPECT_TRUE(out.instances.empty()) << "it is not found where it was";
+        }
+      }
+    }
+}
+
+TEST(SegmentationCompensator, CameraTranslationMovesByDepth) {
+  // The camera steps 0.2 m to the left: an object at 2 m moves by 26 pixels.
+  const Walker before{100, 80, 0, 0};
+  Eigen::Isometry3d step = Eigen::Isometry3d::Identity();
+  step.translation().x() = 0.2;
+  Walker after = before;
+  after.x += 262.5 * 0.2 / 2;
+  Settings settings;
+  settings.search_px = 3;
+  Show show(settings);
+  show.show(0, {before});
+  const Segmentation& out = show.compensator.compensate(
+      show.scene.frame(kStart + 0.033, {after.at(0)}), Segmentation(), step);
+  ASSERT_EQ(out.instances.size(), 1u);
+  EXPECT_GT(show.iou_at(0, {after}, out), 0.9);
+}
+
+TEST(SegmentationCompensator, ForgetsWhenTimeDoesNotGoOn) {
+  const Walker walker{140, 80, 0, 0};
+  for (const double next : {0.067, 0.02, -100.0}) {
+    Show show;
+    for (const double t : {0.0, 0.033, 0.067}) show.show(t, {walker});
+    EXPECT_TRUE(show.show(next, {}, {walker}).instances.empty());
+    EXPECT_EQ(show.compensator.status(), kTimestampOrder);
+    // It goes on from there.
+    show.show(next + 0.033, {walker});
+    EXPECT_EQ(show.compensator.status(), kOk);
+    EXPECT_EQ(show.show(next + 0.067, {}, {walker}).instances.size(), 1u);
+  }
+}
+
+TEST(SegmentationCompensator, TakesNegativeTimes) {
+  const Walker walker;
+  Show show;
+  for (const double t : {0.0, 0.033, 0.067}) show.show(t - 2 * kStart, {walker});
+  EXPECT_EQ(show.compensator.status(), kOk);
+}
+
+TEST(SegmentationCompensator, ClipsAtTheBorder) {
+  const Walker walker{270, 100, 150, 200};
+  for (const Settings& settings : {Settings(), Settings::paper()})
+    for (const FlatScene& scene : kScenes) {
+      Show show(settings, scene);
+      for (const double t : {0.0, 0.033, 0.067, 0.1}) show.show(t, {walker});
+      const Segmentation& out = show.show(0.167, {}, {walker});  // 25 of 36 columns are left
+      ASSERT_EQ(out.instances.size(), 1u);
+      EXPECT_NO_THROW(check_segmentation(out, scene.size));
+      EXPECT_GT(show.iou_at(0.167, {walker}, out), 0.8);
+    }
+}
+
+TEST(SegmentationCompensator, PaperRestoresWholeObjectsAsTheyWere) {
+  const Walker walker{60, 80, 90, 30};
+  Show show(Settings::paper());
+  // A mask with a shape of its own.
+  const auto shaped = [&](double t) {
+    Instance s = box_instance(walker.at(t).box, show.scene.size);
+    s.mask(cv::Rect(0, 0, 9, 40)).setTo(0);
+    s.mask(cv::Rect(30, 70, 6, 30)).setTo(0);
+    return s;
+  };
+  for (const double t : {0.0, 0.1, 0.2})
+    show.compensator.compensate(show.scene.frame(kStart + t, {walker.at(t)}), result({shaped(t)}));
+  const Segmentation& out = show.show(0.3, {}, {walker});
+  ASSERT_EQ(out.instances.size(), 1u);
+  const Instance expected = shaped(0.3);
+  EXPECT_TRUE(identical(picture_of(out.instances, show.scene.size),
+                        picture_of({expected}, show.scene.size)));
+}
+
+TEST(SegmentationCompensator, PaperTriggersOnTheWholeArea) {
+  const Walker small{40, 80, 0, 0, 2, 1, {20, 40}}, large{150, 40, 0, 0, 2.5f, 2, {90, 150}};
+  // 800 of 14300 pixels are missing: r = 0.94, nothing happens.
+  Show show(Settings::paper());
+  for (const double t : {0.0, 0.033, 0.067}) show.show(t, {small, large});
+  EXPECT_EQ(show.show(0.1, {large}, {small}).instances.size(), 1u);
+  EXPECT_EQ(show.compensator.restored(), 0);
+  // The default decides for each object.
+  Show by_object;
+  for (const double t : {0.0, 0.033, 0.067}) by_object.show(t, {small, large});
+  EXPECT_EQ(by_object.show(0.1, {large}, {small}).instances.size(), 2u);
+  // The large one missing: r = 0.06.
+  Show other(Settings::paper());
+  for (const double t : {0.0, 0.033, 0.067}) other.show(t, {small, large});
+  EXPECT_EQ(other.show(0.1, {small}, {large}).instances.size(), 2u);
+}
+
+TEST(SegmentationCompensator, PaperDoesNotMendParts) {
+  const Walker walker{140, 80, 0, 0};
+  Show show(Settings::paper());
+  for (const double t : {0.0, 0.033, 0.067}) show.show(t, {walker});
+  cv::Rect seen = walker.at(0).box;
+  seen.height = 40;
+  const Segmentation& out =
+      show.compensator.compensate(show.scene.frame(kStart + 0.1, {walker.at(0)}),
+                                  result({box_instance(seen, show.scene.size)}));
+  ASSERT_EQ(out.instances.size(), 1u);
+  EXPECT_EQ(out.instances[0].box, seen);
+  EXPECT_EQ(show.compensator.restored(), 0);
+}
+
+TEST(SegmentationCompensator, PaperDoesNotLookAtDepth) {
+  const Walker walker{140, 80, 0, 0};
+  Show show(Settings::paper());
+  for (const double t : {0.0, 0.033, 0.067}) show.show(t, {walker});
+  RgbdFrame frame = show.scene.frame(kStart + 0.1, {walker.at(0)});
+  frame.depth.setTo(50000);  // says: gone
+  EXPECT_EQ(show.compensator.compensate(frame, result({})).instances.size(), 1u);
+}
+
+TEST(SegmentationCompensator, TakesBareBoxes) {
+  const Walker walker;
+  const auto bare = [](const cv::Rect& box) {
+    Instance s;
+    s.box = box;
+    return s;
+  };
+  for (const FlatScene& scene : kScenes) {
+    Show show({}, scene);
+    for (const double t : {0.0, 0.033, 0.067}) {
+      const Segmentation& out = show.compensator.compensate(scene.frame(kStart + t, {walker.at(t)}),
+                                                            result({bare(walker.at(t).box)}));
+      ASSERT_EQ(out.instances.size(), 1u);
+      EXPECT_TRUE(out.instances[0].mask.empty()) << "stays a bare box";
+    }
+    const Segmentation& out = show.show(0.1, {}, {walker});
+    ASSERT_EQ(out.instances.size(), 1u);
+    EXPECT_GT(show.iou_at(0.1, {walker}, out), 0.9);
+  }
+}
+
+TEST(SegmentationCompensator, RemembersRefinedMasks) {
+  // The fusion carved a figure out of a bare box: that is what comes back.
+  const Walker walker{140, 80, 0, 0};
+  Show show;
+  Instance bare;
+  bare.box = cv::Rect(120, 60, 80, 150);
+  for (const double t : {0.0, 0.033}) {
+    const RgbdFrame frame = show.scene.frame(kStart + t, {walker.at(t)});
+    show.compensator.mend(frame, result({bare}));
+    show.compensator.remember(frame, {box_instance(walker.at(t).box, show.scene.size)});
+  }
+  const Segmentation& out = show.show(0.067, {}, {walker});
+  ASSERT_EQ(out.instances.size(), 1u);
+  EXPECT_GT(show.iou_at(0, {walker}, out), 0.95);
+  // What the fusion added to a mask is not remembered.
+  Show other;
+  for (const double t : {0.0, 0.033}) {
+    const RgbdFrame frame = other.scene.frame(kStart + t, {walker.at(t)});
+    other.compensator.mend(frame, result({box_instance(walker.at(t).box, other.scene.size)}));
+    other.compensator.remember(frame, {box_instance({100, 60, 100, 150}, other.scene.size)});
+  }
+  EXPECT_GT(other.iou_at(0, {walker}, other.show(0.067, {}, {walker})), 0.95);
+}
+
+TEST(SegmentationCompensator, RefusesToRememberOtherInstances) {
+  Show show;
+  const RgbdFrame frame = show.scene.frame(kStart, {});
+  show.compensator.mend(frame, result({box_instance({10, 10, 50, 50}, show.scene.size)}));
+  EXPECT_ERROR(show.compensator.remember(frame, {}), "remember", "1", "found 0");
+}
+
+TEST(SegmentationCompensator, ResetForgets) {
+  const Walker walker{140, 80, 0, 0};
+  Show show;
+  show.show(0, {walker});
+  show.compensator.reset();
+  EXPECT_TRUE(show.show(-5, {}, {walker}).instances.empty());
+  EXPECT_EQ(show.compensator.status(), kOk) << "a new beginning may lie earlier";
+}
+
+TEST(SegmentationCompensator, TakesAThousandInstances) {
+  for (const FlatScene& scene : {FlatScene(), without_depth()}) {
+    Show show({}, scene);
+    std::vector<Figure> figures;
+    std::vector<Instance> all, half;
+    for (int i = 0; i < 1000; ++i) {
+      const cv::Rect box(8 * (i % 40), 9 * (i / 40), 6, 6);
+      figures.push_back({box, 2, static_cast<std::uint32_t>(i % 7)});
+      all.push_back(box_instance(box, scene.size));
+      if (i % 2) half.push_back(all.back());
+    }
+    show.compensator.compensate(scene.frame(kStart, figures), result(all));
+    show.compensator.compensate(scene.frame(kStart + 0.033, figures), result(all));
+    const Segmentation& out =
+        show.compensator.compensate(scene.frame(kStart + 0.067, figures), result(half));
+    EXPECT_EQ(out.instances.size(), 1000u);
+    EXPECT_EQ(show.compensator.restored(), 500);
+    EXPECT_GT(iou(picture_of(out.instances, scene.size), picture_of(all, scene.size)), 0.95);
+  }
+}
+
+TEST(SegmentationCompensator, ForgetsSpecks) {
+  Show show;
+  show.compensator.compensate(show.scene.frame(kStart, {}),
+                              result({box_instance({50, 50, 1, 1}, show.scene.size)}));
+  EXPECT_TRUE(show.show(0.1, {}).instances.empty());
+  Instance hollow = box_instance({50, 50, 40, 40}, show.scene.size);
+  hollow.mask.setTo(0);
+  show.compensator.compensate(show.scene.frame(kStart + 0.2, {}), result({hollow}));
+  EXPECT_TRUE(show.show(0.3, {}).instances.empty());
+}
+
+TEST(SegmentationCompensator, DepthIn32BitMetresGivesTheSame) {
+  const Walker walker;
+  Show show, metres;
+  for (const double t : {0.0, 0.033, 0.067, 0.1, 0.133}) {
+    RgbdFrame frame = show.scene.frame(kStart + t, {walker.at(t)});
+    const Segmentation given =
+        t < 0.08 ? result({box_instance(walker.at(t).box, show.scene.size)}) : result({});
+    const cv::Mat a =
+        picture_of(show.compensator.compensate(frame, given).instances, show.scene.size);
+    frame.depth.convertTo(frame.depth, CV_32F, 1 / 5000.0);
+    const cv::Mat b =
+        picture_of(metres.compensator.compensate(frame, given).instances, show.scene.size);
+    EXPECT_TRUE(identical(a, b)) << t;
+    EXPECT_GT(pixels(a), 0);
+  }
+}
+
+TEST(SegmentationCompensator, TakesPicturesOfAnotherSize) {
+  const Walker walker;
+  Show show;
+  show.show(0, {walker});
+  FlatScene small;
+  small.size = {64, 48};
+  EXPECT_NO_THROW(show.compensator.compensate(small.frame(kStart + 1, {}), result({})));
+  EXPECT_NO_THROW(show.compensator.compensate(small.frame(kStart + 1.1, {}), Segmentation()));
+}
+
+TEST(SegmentationCompensator, RefusesBadInput) {
+  Show show;
+  RgbdFrame frame = show.scene.frame(kStart, {});
+  EXPECT_ERROR(show.compensator.compensate(
+                   frame, result({box_instance({0, 0, 640, 480}, cv::Size(640, 480))})),
+               "instances[0].box", "320x240");
+  frame.timestamp = std::nan("");
+  EXPECT_ERROR(show.compensator.compensate(frame, result({})), "frame.timestamp");
+}
+
+TEST(SegmentationCompensator, RefusesSettingsWithoutSense) {
+  Settings s;
+  s.area_ratio = 0;
+  EXPECT_ERROR(SegmentationCompensator{s}, "SegmentationCompensatorSettings.area_ratio", "found 0");
+  s = Settings(), s.area_ratio = std::nan("");
+  EXPECT_ERROR(SegmentationCompensator{s}, "area_ratio");
+  for (const int history : {0, 9}) {
+    s = Settings(), s.history = history;
+    EXPECT_ERROR(SegmentationCompensator{s}, "history", "1 to 8");
+  }
+  s = Settings(), s.search_px = -1;
+  EXPECT_ERROR(SegmentationCompensator{s}, "search_px");
+  s = Settings(), s.max_restored_frames = -1;
+  EXPECT_ERROR(SegmentationCompensator{s}, "max_restored_frames");
+  s = Settings(), s.max_prediction_s = std::nan("");
+  EXPECT_ERROR(SegmentationCompensator{s}, "max_prediction_s");
+  s = Settings(), s.max_speed_m_s = -1;
+  EXPECT_ERROR(SegmentationCompensator{s}, "max_speed_m_s");
+}
+
+}  // namespace
