@@ -112,10 +112,10 @@ class Body {
   void carton(const Pose& pose) {
     Frame f;
     f.y = pose.chest_facing, f.x = cross(f.y, f.z);
-    f.origin = (pose.wrist[0] + pose.wrist[1]) * 0.5 + f.y * 0.09 - f.z * 0.12;
+    f.origin = (pose.wrist[0] + pose.wrist[1]) * 0.5 + f.y * 0.10 - f.z * 0.17;
     Quad pattern;
     pattern.label = label_;
-    append_box(out_.quads, f, {0.36, 0.27, 0.27}, outfit_.carton, textures_, 0, pattern);
+    append_box(out_.quads, f, {0.46, 0.34, 0.36}, outfit_.carton, textures_, 0, pattern);
   }
 
   const Outfit& outfit_;

@@ -84,7 +84,7 @@ class CameraPath {
         break;
       case SyntheticMotion::kLoop: {
         const RoundedRectangle way = loop();
-        const double start = 2.8;  // the middle of the side behind the low desk
+        const double start = 2.8;  // the middle of the side where the other motions are
         const RoundedRectangle::Place place = way.at(start + kLoopSpeed * t);
         p.x = place.position.x, p.y = place.position.y;
         p.z += 0.04 * wave(t, 3.1, 0) + 0.012 * wave(t, 0.9, 1);
@@ -115,7 +115,7 @@ class CameraPath {
   }
   /// How much of a motion along axis 0, 1 or 2 is made now: each has its turn every 7.5 s.
   double active(double t, int axis) const {
-    const double c = cosine(2 * kPi * (t / 7.5 - axis / 3.0 + 0.05 + 0.1 * phase_[19]));
+    const double c = cosine(2 * kPi * (t / 7.5 - axis / 3.0 - 0.18 + 0.08 * phase_[19]));
     return 0.18 + 0.82 * smooth_step(0.5 + 0.75 * c);
   }
   static Frame looking(Vec3 position, Vec3 ahead, double yaw_deg, double pitch_deg,

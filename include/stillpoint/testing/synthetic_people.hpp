@@ -18,17 +18,18 @@ constexpr int kMostPeople = 20;
 class People {
  public:
   /// Paints the clothes into `scene`. `near_lane_free`: a mover has the lane nearest to the camera.
+  /// `near_lane_backwards`: people cross close before the camera from right to left.
   People(StaticScene& scene, const RoomPlan& plan, int count, bool seated, bool carried_object,
-         bool near_lane_free, std::uint64_t seed)
+         bool near_lane_free, bool near_lane_backwards, std::uint64_t seed)
       : seats_(plan.seats) {
     const Lane lanes[] = {
-        {{-1.5, 0.5, -1.6, -1.0, 0.3}, 0.70, 0.95, 2},     // at 1.3 to 1.9 m from the camera
+        {{-1.5, 0.5, -1.85, -1.15, 0.35}, 0.60, 0.80, 2},  // at 1.05 to 1.75 m from the camera
         {{-2.0, 2.0, 0.0, 1.55, 0.45}, 0.80, 1.20, 6},     // around the island
         {{2.45, 2.95, -2.2, 2.2, 0.25}, 0.60, 1.00, 4},    // right
         {{-2.95, -2.45, -2.2, 2.2, 0.25}, 0.60, 1.00, 4},  // left; passes behind the partition
         {{-2.1, 2.1, 2.1, 2.65, 0.27}, 0.90, 1.40, 4}};    // at the far side
     // Who comes first walks where most is seen of him.
-    const int order[] = {0, 1, 4, 1, 0, 1, 4, 2, 1, 3, 1, 4, 2, 1, 3, 4, 2, 3, 2, 3};
+    const int order[] = {0, 0, 1, 4, 1, 1, 4, 2, 1, 3, 1, 4, 2, 1, 3, 4, 2, 3, 2, 3};
     const int order_without_near[] = {1, 1, 4, 1, 4, 1, 2, 3, 1, 4, 1, 2, 3, 4, 2, 3, 2, 3};
     int taken[5] = {0, 0, 0, 0, 0}, total[5] = {0, 0, 0, 0, 0};
     const auto lane_of = [&](int i) { return near_lane_free ? order_without_near[i] : order[i]; };
@@ -41,8 +42,13 @@ class People {
       p.way = lanes[which].way;
       p.speed = lane_random.range(lanes[which].slowest, lanes[which].fastest);
       p.backwards = lane_random.below(2) != 0;
-      const double start = which == 0 ? lane_random.range(0.0, 0.12) : lane_random();
-      p.start_m = p.way.length() * (start + static_cast<double>(taken[which]++) / total[which]);
+      if (which == 0) p.backwards = near_lane_backwards;
+      // On the near lane the first two follow each other closely, so that they cross together, and
+      // the crossing comes soon.
+      const double start =
+          which == 0 ? (p.backwards ? 0.36 : 0.0) + lane_random.range(0.0, 0.1) : lane_random();
+      const double behind = which == 0 ? 0.27 : 1.0 / total[which];
+      p.start_m = p.way.length() * (start + behind * taken[which]++);
       p.step_phase = random(), p.phase = 10 * random();
       p.seat = seated && i < static_cast<int>(seats_.size()) ? i : -1;
       if (seated) p.speed = 0;

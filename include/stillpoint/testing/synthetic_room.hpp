@@ -18,9 +18,9 @@ struct RoomPlan {
   int door_texture = 0, carton_texture = 0;
 };
 
-/// An office of 9.8 x 8.1 m. From the camera's place at (0, -2.9), looking along +y: a low desk at
-/// 0.8 m, a chair and a cabinet at 2 m, a partition at 2.4 m, a desk with monitors at 3.8 m, walls
-/// with bookcases, posters and photos at 7 m. Between them lie the lanes on which people walk
+/// An office of 9.8 x 8.1 m. From the camera's place at (0, -2.9), looking along +y: a chair and a
+/// cabinet at 2 m, a low table and a partition at 2.4 m, a desk with monitors at 3.8 m, walls with
+/// bookcases, posters and photos at 7 m. Between them lie the lanes on which people walk
 /// (synthetic_people.hpp), and a corridor of the camera around all of it.
 inline RoomPlan build_room(StaticScene& scene, std::uint64_t seed) {
   RoomPlan plan;
@@ -102,12 +102,11 @@ inline RoomPlan build_room(StaticScene& scene, std::uint64_t seed) {
   furnish_wall(placed(0, room.y0, 0, 2), width - 0.6, 0.45);
   furnish_wall(placed(-room.half_x, middle, 0, 1), length - 0.6, 0.5);
 
-  // The low desk before the camera.
-  make.box(placed(0, -2.1, 0.66), {1.7, 0.36, 0.03}, make.door_texture(), 300, {{1.1f, 1, 0.9f}});
-  make.box(placed(-0.8, -2.1, 0), {0.04, 0.34, 0.66}, make.door_texture());
-  make.box(placed(0.8, -2.1, 0), {0.04, 0.34, 0.66}, make.door_texture());
-  make.clutter(placed(-0.5, -2.08, 0.69), 0.6, 0.22, 0.34);
-  make.clutter(placed(0.5, -2.08, 0.69), 0.55, 0.22, 0.3);
+  // A low table.
+  make.box(placed(0.2, -0.62, 0.47), {1.1, 0.42, 0.03}, make.door_texture(), 300);
+  for (const double side : {-1.0, 1.0})
+    make.box(placed(0.2 + 0.5 * side, -0.62, 0), {0.04, 0.38, 0.47}, make.door_texture());
+  make.clutter(placed(0.2, -0.55, 0.5), 1.05, 0.24, 0.4);
 
   // The island with monitors, back and front, and chairs around.
   make.desk(placed(0, 0.72, 0), 1.8, 0.7, 3);

@@ -20,7 +20,8 @@
 namespace stillpoint {
 
 /// What is filmed, and how. The room and the camera's path depend on `motion`, `seed` and the
-/// frame rate alone, so that sequences with and without people can be compared.
+/// frame rate alone, never on people or movers, so that sequences with and without people can be
+/// compared.
 struct SyntheticSettings {
   SyntheticMotion motion = SyntheticMotion::kXyz;
   /// 0 to 20.
@@ -91,7 +92,7 @@ class SyntheticSequence {
         path_(settings.motion, settings.seed),
         plan_(synthetic::build_room(scene_, settings.seed)),
         people_(scene_, plan_, settings.people, settings.seated, settings.carried_object,
-                settings.movers > 0, settings.seed),
+                settings.movers > 0, pans_left(), settings.seed),
         movers_(plan_, settings.movers, settings.seed) {
     camera_.fx = camera_.fy = 525.0 * settings_.width / 640.0;
     camera_.cx = (settings_.width - 1) / 2.0, camera_.cy = (settings_.height - 1) / 2.0;
@@ -124,6 +125,15 @@ class SyntheticSequence {
 
  private:
   static SyntheticSettings checked(SyntheticSettings s);
+  /// Whether the view moves to the left in the first seconds: the nearest people then walk to the
+  /// left too, as if followed, which is what a static SLAM withstands least.
+  bool pans_left() const {
+    const auto aim = [&](double t_s) {
+      const synthetic::Frame f = path_.at(t_s);
+      return f.origin.x + 1.2 * f.z.x;
+    };
+    return aim(1.5) < aim(0.3);
+  }
   double seconds(int index) const { return std::floor(1e6 * index / settings_.fps + 0.5) * 1e-6; }
   synthetic::MovingThings things(double t_s) const {
     synthetic::MovingThings out;
