@@ -81,6 +81,9 @@ void print_job(const BenchJob& job, const fs::path& file, bool kept, double seco
     if (stats.contains("evaluation") && stats["evaluation"]["ate_rmse_m"].is_number())
       line += ", ATE " + fixed(stats["evaluation"]["ate_rmse_m"].get<double>(), 4) + " m";
   }
+  if (result.contains("stats"))
+    for (const Json& note : result["stats"].value("notes", Json::array()))
+      line += "\n  note: " + note.get<std::string>();
   line += kept ? "  (kept from before)" : "  (" + fixed(seconds, 1) + " s)";
   std::printf("%s\n", line.c_str());
   std::fflush(stdout);

@@ -24,7 +24,7 @@ int write(cv::Mat& picture, int x, const std::string& words, const cv::Scalar& c
 }  // namespace
 
 cv::Mat draw_overlay(const cv::Mat& color, const DynamicMask& mask,
-                     const std::vector<cv::KeyPoint>& keypoints, const Selection& selection,
+                     const std::vector<cv::Point2f>& kept, const std::vector<cv::Point2f>& removed,
                      double timestamp) {
   cv::Mat picture(color.rows + kStrip, color.cols, CV_8UC3, cv::Scalar(30, 30, 30));
   cv::Mat view = picture.rowRange(0, color.rows);
@@ -42,20 +42,16 @@ cv::Mat draw_overlay(const cv::Mat& color, const DynamicMask& mask,
     cv::findContours(mask.image.clone(), contours, cv::RETR_CCOMP, cv::CHAIN_APPROX_NONE);
     cv::drawContours(view, contours, -1, kYellow, 1, cv::LINE_8);
   }
-  int kept = 0, removed = 0;
-  for (std::size_t i = 0; i < keypoints.size() && i < selection.size(); ++i) {
-    const bool keep = selection.is_kept(i);
-    ++(keep ? kept : removed);
-    cv::circle(view, keypoints[i].pt, 2, keep ? kGreen : kRed, cv::FILLED, cv::LINE_AA);
-  }
+  for (const cv::Point2f& p : removed) cv::circle(view, p, 2, kRed, cv::FILLED, cv::LINE_AA);
+  for (const cv::Point2f& p : kept) cv::circle(view, p, 2, kGreen, cv::FILLED, cv::LINE_AA);
   char words[64];
   std::snprintf(words, sizeof words, "t = %.3f s", timestamp);
   const cv::Scalar white(235, 235, 235);
   int x = write(picture, 8, words, white) + 18;
   // A narrow picture has no room for the legend.
   if (picture.cols >= 480) {
-    x = write(picture, x, "kept " + std::to_string(kept), kGreen) + 14;
-    x = write(picture, x, "removed " + std::to_string(removed), kRed) + 14;
+    x = write(picture, x, "kept " + std::to_string(kept.size()), kGreen) + 14;
+    x = write(picture, x, "removed " + std::to_string(removed.size()), kRed) + 14;
     std::snprintf(words, sizeof words, "mask %.1f %%", 100 * share);
     write(picture, x, words, kYellow);
   }

@@ -6,15 +6,14 @@
 #include <vector>
 
 #include "stillpoint/core/mask.hpp"
-#include "stillpoint/core/selection.hpp"
 
 namespace stillpoint::cli {
 
-/// The frame with its kept keypoints green, removed ones red, the mask's edge yellow and the mask's
-/// inside tinted, and a strip with a legend and the timestamp below. `color` is BGR or grey; an
-/// empty mask is drawn as none. Returns CV_8UC3, 26 rows taller than the frame.
+/// The frame with kept keypoints green, removed ones red, the mask's edge yellow and its inside
+/// tinted, and a strip below with a legend and the timestamp. `color` is BGR or grey; an empty mask
+/// is drawn as none. Returns CV_8UC3, 26 rows taller than the frame.
 cv::Mat draw_overlay(const cv::Mat& color, const DynamicMask& mask,
-                     const std::vector<cv::KeyPoint>& keypoints, const Selection& selection,
+                     const std::vector<cv::Point2f>& kept, const std::vector<cv::Point2f>& removed,
                      double timestamp);
 
 /// "data:image/jpeg;base64,..." of a file, to be used in a page that needs no other file. The

@@ -43,6 +43,13 @@ void run(RunCommand command) {
   std::fflush(stdout);
 
   make_folder(command.out);
+  if (fs::equivalent(command.out, settings.sequence))
+    throw Error(
+        "--out: " + command.out.string() +
+        " is the sequence itself; results would overwrite its files, choose another folder");
+  // What an earlier run left must not be taken for this one's.
+  for (const char* name : {"trajectory.txt", "stats.json", "map.ply", "keypoints.csv"})
+    fs::remove(command.out / name);
   RunOutputs outputs;
   outputs.trajectory = command.out / "trajectory.txt";
   outputs.map_ply = command.out / "map.ply";
@@ -54,14 +61,18 @@ void run(RunCommand command) {
   nlohmann::ordered_json stats;
   {
     std::unique_ptr<Progress> progress;
-    stats = run_job(settings, outputs, [&](std::size_t done, std::size_t total) {
-      if (!progress) progress = std::make_unique<Progress>("run", total);
-      progress->update(done);
-    });
+    stats = run_job(
+        settings, outputs,
+        [&](std::size_t done, std::size_t total) {
+          if (!progress) progress = std::make_unique<Progress>("run", total);
+          progress->update(done);
+        },
+        [&](const std::string& note) {
+          progress.reset();
+          std::fprintf(stderr, "stillpoint: warning: %s\n", note.c_str());
+        });
   }
   write_json(command.out / "stats.json", stats);
-  for (const auto& note : stats["notes"])
-    std::printf("note: %s\n", note.get<std::string>().c_str());
   std::printf("%swritten     %s: trajectory.txt, stats.json, map.ply%s%s%s\n",
               summary_text(stats).c_str(), command.out.string().c_str(),
               command.save_masks ? ", masks/" : "", command.save_keypoints ? ", keypoints.csv" : "",
@@ -104,7 +115,9 @@ void add_run_command(CLI::App& app) {
   command->add_option("--without", s.without, "Leave a stage out; may be given several times")
       ->check(CLI::IsMember({"compensation", "depth", "probability"}))
       ->allow_extra_args(false);
-  command->add_option("--tracker", s.tracker, "vo: small visual odometry")
+  command
+      ->add_option("--tracker", s.tracker,
+                   "slam: with local mapping and loop closing; vo: small visual odometry")
       ->check(CLI::IsMember(tracker_names()))
       ->capture_default_str();
   command->add_option("--features", s.features, "Keypoints per frame  [the tracker's own]")

@@ -7,9 +7,10 @@
 //                     truth tracked / frames ("coverage_of" says which)
 //   evaluation        the keys of `evaluate --json`; only with groundtruth.txt
 //   masks             against masks_gt, undilated; before = the segmenter's own, after = final;
-//                     iou: mean over the frames, recall and precision: over all pixels
+//                     means over the frames; _blurred: over the least sharp third
 //   keypoints         extracted, kept: per frame; with masks_gt kept_on_people (share of the kept),
 //                     precision, recall, f1, static_kept
+//                     (the latter on keypoints of the whole picture)
 //   times_ms          per stage: median, p95
 //   status            how many frames had which status bit
 //   settings, camera, versions, machine, peak_memory_mb
@@ -17,13 +18,18 @@
 #include "run_job.hpp"
 
 #include <fstream>
+#include <map>
 #include <opencv2/core/version.hpp>
+#include <opencv2/imgcodecs.hpp>
 #include <thread>
 
 #include "accuracy.hpp"
 #include "bench_results.hpp"
 #include "run_recorder.hpp"
 #include "statistics.hpp"
+#include "stillpoint/io/depth_check.hpp"
+#include "stillpoint/io/ply_file.hpp"
+#include "stillpoint/mapping/dense_map.hpp"
 #include "stillpoint/version.hpp"
 #include "systems.hpp"
 #include "terminal.hpp"
@@ -72,6 +78,42 @@ Json camera_json(const Camera& c) {
           {"k3", c.k3}, {"depth_units_per_m", c.depth_units_per_m}};
 }
 
+/// Makes the dense map when all poses are final: a SLAM system corrects old ones at the end.
+class MapMaker {
+ public:
+  /// Keeps the mask of every fifth frame, packed: whole frames are read again.
+  void remember(std::size_t index, const Pipeline& pipeline) {
+    if (index % 5 != 0 || !pipeline.pose()) return;
+    Kept kept;
+    kept.index = index;
+    if (!pipeline.mask().image.empty()) cv::imencode(".png", pipeline.mask().image, kept.mask);
+    kept_.push_back(std::move(kept));
+  }
+
+  void write(const fs::path& path, const TumSequence& sequence,
+             const Trajectory& trajectory) const {
+    std::map<double, const StampedPose*> poses;
+    for (const StampedPose& pose : trajectory) poses[pose.timestamp] = &pose;
+    DenseMap map;
+    for (const Kept& kept : kept_) {
+      const auto pose = poses.find(sequence.entry(kept.index).timestamp);
+      if (pose == poses.end()) continue;
+      const RgbdFrame frame = sequence.load(kept.index);
+      DynamicMask mask;
+      if (!kept.mask.empty()) mask.image = cv::imdecode(kept.mask, cv::IMREAD_GRAYSCALE);
+      map.integrate(frame, *sequence.camera(), mask, pose->second->T_world_camera);
+    }
+    write_ply(path, map.points(kept_.size() > 2 ? 2 : 1));
+  }
+
+ private:
+  struct Kept {
+    std::size_t index = 0;
+    std::vector<uchar> mask;
+  };
+  std::vector<Kept> kept_;
+};
+
 /// Aligned estimate and ground truth at the frames' times, for plots.
 void add_paths(Json& series, const Trajectory& truth, const Trajectory& estimate,
                const Accuracy& accuracy, const std::vector<double>& timestamps) {
@@ -106,7 +148,8 @@ void add_paths(Json& series, const Trajectory& truth, const Trajectory& estimate
 }  // namespace
 
 Json run_job(const RunSettings& wanted, const RunOutputs& outputs,
-             const std::function<void(std::size_t, std::size_t)>& progress) {
+             const std::function<void(std::size_t, std::size_t)>& progress,
+             const std::function<void(const std::string&)>& note) {
   RunSettings settings = wanted;
   const TumSequence sequence = open_sequence(settings.sequence, settings.camera);
   choose_segmenter(settings);
@@ -116,27 +159,43 @@ Json run_job(const RunSettings& wanted, const RunOutputs& outputs,
   const std::size_t count =
       settings.frames > 0 ? std::min(settings.frames, sequence.size()) : sequence.size();
   Json notes = Json::array();
+  const auto say = [&](const std::string& text) {
+    notes.push_back(text);
+    note(text);
+  };
   if (sequence.missing_pictures() > 0)
-    notes.push_back(std::to_string(sequence.missing_pictures()) +
-                    " listed pictures are not on the disk; their frames are left out");
+    say(std::to_string(sequence.missing_pictures()) +
+        " listed pictures are not on the disk; their frames are left out");
 
   reset_peak_memory();
   Pipeline pipeline(front_end, settings.front_end, *sequence.camera(), segmenter.get(), *tracker);
   const fs::path truth_dir = settings.sequence / "masks_gt";
-  RunRecorder recorder(fs::is_directory(truth_dir) ? truth_dir : fs::path(), front_end);
+  RunRecorder recorder(fs::is_directory(truth_dir) ? truth_dir : fs::path());
+  WholePictureJudge judge(front_end, settings.features);
+  MapMaker map;
   FrameWriter writer(outputs);
+  bool depth_checked = false;
   for (std::size_t i = 0; i < count; ++i) {
     const RgbdFrame frame = sequence.load(i);
+    if (!depth_checked && median_depth_m(frame)) {
+      depth_checked = true;
+      if (const auto problem = check_depth_scale(frame)) say(*problem);
+    }
     const std::string& stem = sequence.entry(i).stem;
     pipeline.process(frame);
-    recorder.add(pipeline, frame, stem);
-    writer.write(pipeline, frame, stem, i);
+    recorder.add(pipeline, frame, stem, judge);
+    writer.write(pipeline, frame, stem, i, judge);
+    if (!outputs.map_ply.empty()) map.remember(i, pipeline);
     progress(i + 1, count);
   }
   writer.finish();
   tracker->finish();
   const Trajectory trajectory = tracker->trajectory();
   if (!outputs.trajectory.empty()) write_trajectory(outputs.trajectory, trajectory);
+  if (!outputs.map_ply.empty()) map.write(outputs.map_ply, sequence, trajectory);
+  if (recorder.segmenter_errors() > 0)
+    say("the segmenter failed in " + std::to_string(recorder.segmenter_errors()) +
+        " frames (masks were predicted there): " + recorder.segmenter_error());
 
   Json stats;
   stats["sequence"] = {{"path", settings.sequence.string()},
@@ -154,7 +213,7 @@ Json run_job(const RunSettings& wanted, const RunOutputs& outputs,
     const std::vector<double> times = recorder.timestamps();
     const Coverage cover = coverage(truth, trajectory, times);
     if (cover.frames == 0) {
-      notes.push_back("groundtruth.txt has no pose within 0.02 s of any frame");
+      say("groundtruth.txt has no pose within 0.02 s of any frame");
     } else {
       stats["coverage"] = cover.share;
       stats["coverage_of"] = "frames with ground truth";
@@ -164,7 +223,7 @@ Json run_job(const RunSettings& wanted, const RunOutputs& outputs,
         if (outputs.series) add_paths(series, truth, trajectory, accuracy, times);
       } catch (const Error& e) {
         // Lost from the start: no error to speak of, and the coverage says so.
-        notes.push_back(e.what());
+        say(e.what());
       }
     }
   }

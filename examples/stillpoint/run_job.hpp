@@ -23,7 +23,7 @@ struct RunSettings {
   bool front_end = true;
   /// Stages left out: compensation, depth, probability.
   std::vector<std::string> without;
-  std::string tracker = "vo";
+  std::string tracker = "slam";
   /// ORB keypoints per frame; 0: the tracker's default.
   int features = 0;
   /// First frames only; 0: all.
@@ -47,10 +47,13 @@ struct RunOutputs {
 };
 
 /// Runs the whole system over a sequence. Returns what stats.json holds (its fields are described
-/// in run_job.cpp). `progress(done, total)` is called after each frame. Throws Error for bad input.
+/// in run_job.cpp). `progress(done, total)` is called after each frame, `note(text)` as soon as
+/// there is something that the user should know (also in stats["notes"]). Throws Error for bad
+/// input.
 nlohmann::ordered_json run_job(
     const RunSettings& settings, const RunOutputs& outputs,
-    const std::function<void(std::size_t done, std::size_t total)>& progress);
+    const std::function<void(std::size_t done, std::size_t total)>& progress,
+    const std::function<void(const std::string& note)>& note = [](const std::string&) {});
 
 /// Names that --segmenter and --tracker take in this build.
 std::vector<std::string> segmenter_names();

@@ -6,13 +6,14 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <opencv2/core.hpp>
-#include <opencv2/features2d.hpp>
 #include <string>
 #include <vector>
 
+#include "judge.hpp"
 #include "pipeline.hpp"
 #include "run_job.hpp"
-#include "stillpoint/io/tum_sequence.hpp"
+#include "stillpoint/evaluation/keypoint_metrics.hpp"
+#include "stillpoint/evaluation/mask_metrics.hpp"
 
 namespace stillpoint::cli {
 
@@ -21,7 +22,7 @@ class FrameWriter {
  public:
   explicit FrameWriter(const RunOutputs& outputs);
   void write(const Pipeline& pipeline, const RgbdFrame& frame, const std::string& stem,
-             std::size_t index);
+             std::size_t index, WholePictureJudge& judge);
   /// Throws Error if keypoints.csv could not be written to its end.
   void finish();
 
@@ -37,24 +38,24 @@ class FrameWriter {
 class RunRecorder {
  public:
   /// `truth_dir`: masks_gt, or empty where there is none.
-  RunRecorder(std::filesystem::path truth_dir, const FrontEndSettings& front_end);
+  explicit RunRecorder(std::filesystem::path truth_dir) : truth_dir_(std::move(truth_dir)) {}
 
-  void add(const Pipeline& pipeline, const RgbdFrame& frame, const std::string& stem);
+  void add(const Pipeline& pipeline, const RgbdFrame& frame, const std::string& stem,
+           WholePictureJudge& judge);
 
   std::size_t frames() const { return records_.size(); }
   std::size_t tracked() const;
   std::vector<double> timestamps() const;
+  /// The first message of a segmenter that threw, and in how many frames it did.
+  const std::string& segmenter_error() const { return segmenter_error_; }
+  std::size_t segmenter_errors() const { return segmenter_errors_; }
 
-  /// Adds masks, keypoints, times_ms, status and so on to `stats`.
+  /// Adds masks, keypoints, times_ms and status to `stats`.
   void summarize(nlohmann::ordered_json& stats, bool front_end) const;
-  /// Curves over time: t_s, sharpness, mask_share, true_mask_share, tracked.
+  /// Curves over time: t_s, sharpness, mask_share, true_mask_share, kept.
   nlohmann::ordered_json series(bool front_end) const;
 
  private:
-  /// Pixels or keypoints: claimed and true, claimed but false, missed, rightly left.
-  struct Counts {
-    double hit = 0, false_alarm = 0, missed = 0, left = 0;
-  };
   struct Record {
     double timestamp = 0;
     StageTimes times;
@@ -62,18 +63,15 @@ class RunRecorder {
     bool tracked = false, has_truth = false;
     int keypoints = 0, kept = 0, restored = 0;
     double mask_share = 0, true_share = 0, sharpness = 0;
-    Counts before, after, judged;
-    int kept_on_people = 0;
+    BinaryCounts before, after;
+    /// Of the tracker's own keypoints, and of those of the whole picture.
+    KeypointMetrics tracked_keypoints, judged_keypoints;
   };
 
-  static Counts compare(const cv::Mat& mask, const cv::Mat& truth);
-
   std::filesystem::path truth_dir_;
-  ProbabilisticKeypointFilter<> judge_;
-  bool use_probability_;
-  cv::Ptr<cv::Feature2D> extractor_;
   std::vector<Record> records_;
   std::string segmenter_error_;
+  std::size_t segmenter_errors_ = 0;
   bool any_truth_ = false;
 };
 

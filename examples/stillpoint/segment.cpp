@@ -4,11 +4,10 @@
 #include <CLI/Formatter.hpp>
 #include <cstdio>
 #include <memory>
-#include <opencv2/core.hpp>
 
 #include "commands.hpp"
 #include "run_job.hpp"
-#include "stillpoint/io/picture_file.hpp"
+#include "stillpoint/io/mask_folder.hpp"
 #include "systems.hpp"
 #include "terminal.hpp"
 
@@ -19,18 +18,6 @@ struct SegmentOptions {
   RunSettings settings;
   std::filesystem::path out;
 };
-
-/// The result as one picture: 0 = background, k = instance k; the nearer a later one lies over it.
-cv::Mat label_picture(const Segmentation& segmentation, cv::Size size) {
-  cv::Mat labels = cv::Mat::zeros(size, CV_8UC1);
-  int k = 0;
-  for (const Instance& instance : segmentation.instances) {
-    if (k == 254) break;  // 255 alone means "one mask for all"
-    cv::Mat part = labels(instance.box);
-    part.setTo(++k, instance.mask.empty() ? cv::noArray() : cv::InputArray(instance.mask));
-  }
-  return labels;
-}
 
 void segment(SegmentOptions options) {
   const TumSequence sequence = open_sequence(options.settings.sequence, options.settings.camera);
@@ -49,10 +36,8 @@ void segment(SegmentOptions options) {
     for (std::size_t i = 0; i < count; ++i) {
       const RgbdFrame frame = sequence.load(i);
       const Segmentation result = segmenter->segment(frame);
-      check_segmentation(result, frame.color.size());
       if (result.available) {
-        write_picture(options.out / (sequence.entry(i).stem + ".png"),
-                      label_picture(result, frame.color.size()));
+        write_labels(options.out, sequence.entry(i).stem, result.instances, frame.color.size());
         ++written;
         instances += result.instances.size();
       }

@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include "systems.hpp"
 
-#include <algorithm>
-
 #include "stillpoint/backends/mask_files.hpp"
 #include "stillpoint/backends/rgbd_slam/odometry.hpp"
+#include "stillpoint/backends/rgbd_slam/slam_system.hpp"
 
 namespace stillpoint::cli {
 namespace {
@@ -28,8 +27,8 @@ std::string hinted_camera(const std::string& folder) {
 }  // namespace
 
 std::vector<std::string> segmenter_names() { return {"none", "mask_files"}; }
-std::vector<std::string> tracker_names() { return {"vo"}; }
-std::string default_tracker() { return "vo"; }
+std::vector<std::string> tracker_names() { return {"slam", "vo"}; }
+std::string default_tracker() { return "slam"; }
 
 TumSequence open_sequence(const fs::path& folder, const std::string& camera) {
   TumSequence::Settings settings;
@@ -59,12 +58,18 @@ std::unique_ptr<Segmenter> make_segmenter(const RunSettings& settings,
                                           const TumSequence& sequence) {
   if (settings.segmenter == "none") return nullptr;
   if (settings.segmenter == "mask_files")
-    return std::make_unique<MaskFilesSegmenter>(settings.masks, sequence);
+    return std::make_unique<MaskFilesSegmenter>(settings.masks, frame_names(sequence));
   throw Error("--segmenter: expected one of " + joined(segmenter_names()) + ", found \"" +
               settings.segmenter + "\"");
 }
 
 std::unique_ptr<Tracker> make_tracker(const RunSettings& settings, const Camera& camera) {
+  if (settings.tracker == "slam") {
+    // Not threaded: the same input gives the same trajectory, which tables need.
+    rgbd_slam::SlamSystem::Settings slam;
+    if (settings.features > 0) slam.features.features = settings.features;
+    return std::make_unique<rgbd_slam::SlamSystem>(camera, slam);
+  }
   if (settings.tracker == "vo") {
     rgbd_slam::RgbdOdometry::Settings vo;
     if (settings.features > 0) vo.features.features = settings.features;
