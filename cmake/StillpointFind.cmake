@@ -19,6 +19,7 @@ function(stillpoint_find found component)
     endforeach()
   endif()
   if(missing)
+    set(CMAKE_MESSAGE_LOG_LEVEL WARNING)  # Ceres' package talks even when told to be quiet.
     list(INSERT CMAKE_MODULE_PATH 0 ${STILLPOINT_FIND_DIR})  # our Find<name>.cmake files
     if(ARG_COMPONENTS)
       find_package(${ARG_PACKAGE} ${ARG_VERSION} QUIET OPTIONAL_COMPONENTS ${ARG_COMPONENTS})

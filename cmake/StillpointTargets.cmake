@@ -25,14 +25,27 @@ endfunction()
 
 # Finds a dependency of `component` (arguments: see stillpoint_find) and remembers it for the
 # installed package. If it is missing, sets <found> to OFF and says which Debian package brings it;
-# the caller returns. A component that was asked for in STILLPOINT_BACKENDS must have it.
+# the caller returns. A component that is named in STILLPOINT_BACKENDS must have it. With `auto`
+# nothing is looked for that the core does not use itself: a parent project that wants no optimizer
+# does not get one.
 #
 #     stillpoint_dependency(found flann PACKAGE flann TARGETS flann::flann DEBIAN libflann-dev)
 #     if(NOT found)
 #       return()
 #     endif()
 macro(stillpoint_dependency found component)
-  stillpoint_find(${found} ${component} ${ARGN})
+  stillpoint_package_of(_stillpoint_package ${ARGN})
+  if("${STILLPOINT_BACKENDS}" STREQUAL "auto" AND
+     NOT "${_stillpoint_package}" IN_LIST STILLPOINT_CORE_PACKAGES)
+    set(${found} OFF)
+    set(${found}_MESSAGE "component '${component}' needs ${_stillpoint_package}, which is looked for \
+only when STILLPOINT_BACKENDS names it")
+  else()
+    stillpoint_find(${found} ${component} ${ARGN})
+  endif()
+  if(NOT "${_stillpoint_package}" IN_LIST STILLPOINT_CORE_PACKAGES)
+    set_property(GLOBAL PROPERTY STILLPOINT_NEEDS_MORE_${component} ON)
+  endif()
   string(REPLACE ";" " " _stillpoint_arguments "${ARGN}")
   set_property(GLOBAL APPEND_STRING PROPERTY STILLPOINT_DEPENDENCIES_${component}
     "if(_stillpoint_problem STREQUAL \"\")
@@ -45,11 +58,18 @@ endif()
     set_property(GLOBAL PROPERTY STILLPOINT_MISSING_${component} "${${found}_MESSAGE}")
     if("${component}" IN_LIST STILLPOINT_BACKENDS)
       message(FATAL_ERROR "stillpoint: ${${found}_MESSAGE}")
-    else()
+    elseif(NOT "${STILLPOINT_BACKENDS}" STREQUAL "auto")
       message(STATUS "stillpoint: left out: ${${found}_MESSAGE}")
     endif()
   endif()
 endmacro()
+
+set(STILLPOINT_CORE_PACKAGES Eigen3 OpenCV Threads)
+
+function(stillpoint_package_of result)
+  cmake_parse_arguments(ARG "" "PACKAGE" "" ${ARGN})
+  set(${result} "${ARG_PACKAGE}" PARENT_SCOPE)
+endfunction()
 
 # Warnings for the project's own programs only; never reaches a consumer.
 function(stillpoint_private_warnings target)

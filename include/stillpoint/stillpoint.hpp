@@ -3,7 +3,9 @@
 
 // The whole library but what reads files (stillpoint/io/, needs imgcodecs) and what tests use
 // (stillpoint/testing/).
+#include "stillpoint/core/associate.hpp"
 #include "stillpoint/core/camera.hpp"
+#include "stillpoint/core/distortion.hpp"
 #include "stillpoint/core/error.hpp"
 #include "stillpoint/core/frame.hpp"
 #include "stillpoint/core/instance.hpp"
@@ -13,9 +15,15 @@
 #include "stillpoint/core/status.hpp"
 #include "stillpoint/core/trajectory.hpp"
 #include "stillpoint/depth/depth_mask_fuser.hpp"
+#include "stillpoint/evaluation/coverage.hpp"
+#include "stillpoint/evaluation/keypoint_metrics.hpp"
+#include "stillpoint/evaluation/mask_metrics.hpp"
+#include "stillpoint/evaluation/stage_timing.hpp"
+#include "stillpoint/evaluation/trajectory_error.hpp"
 #include "stillpoint/front_end.hpp"
 #include "stillpoint/keypoints/grid_neighbor_search.hpp"
 #include "stillpoint/keypoints/probabilistic_keypoint_filter.hpp"
+#include "stillpoint/mapping/dense_map.hpp"
 #include "stillpoint/segmentation/segmentation_compensator.hpp"
 #include "stillpoint/segmentation/segmenter.hpp"
 #include "stillpoint/tracking/tracker.hpp"
