@@ -201,10 +201,15 @@ class SegmentationCompensator {
     }
     if (!look) {
       object.alive = seen;
+      object.mended = 0;
       return;
     }
     if (!seen && !locator_.locate(frame, depth_, object)) {
       object.alive = false;
+      return;
+    }
+    if (seen && settings_.trigger == Settings::Trigger::kGlobal) {
+      object.mended = 0;  // the paper restores whole objects only
       return;
     }
     if (seen && (depth_.empty() || object.depth_m() == 0))
@@ -217,8 +222,6 @@ class SegmentationCompensator {
       object.mended = 0;
       return;
     }
-    // The paper restores whole objects only.
-    if (seen && settings_.trigger == Settings::Trigger::kGlobal) return;
     if (output_.available && ++object.mended > settings_.max_restored_frames) {
       object.alive = seen;
       object.mended = 0;
