@@ -22,6 +22,7 @@ class DepthView {
     fy_ = static_cast<float>(camera.valid() ? camera.fy : 0.9 * size.width);
     cx_ = static_cast<float>(camera.valid() ? camera.cx : 0.5 * (size.width - 1));
     cy_ = static_cast<float>(camera.valid() ? camera.cy : 0.5 * (size.height - 1));
+    if (frame.depth.empty()) return clear();
     if (frame.depth.depth() == CV_16U) {
       image_ = frame.depth;
       metres_per_unit_ = metres_per_unit(frame);
@@ -55,6 +56,9 @@ class DepthView {
     return units < 0 ? 0 : units > 65535 ? 65535 : static_cast<int>(units);
   }
   float focal_px() const { return fx_; }
+  float focal_y_px() const { return fy_; }
+  float center_x() const { return cx_; }
+  float center_y() const { return cy_; }
   float ray_x(float u) const { return (u - cx_) / fx_; }
   float ray_y(float v) const { return (v - cy_) / fy_; }
 
