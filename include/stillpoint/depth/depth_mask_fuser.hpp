@@ -59,6 +59,7 @@ class DepthMaskFuser {
     status_ = frame.depth.empty() ? kNoDepth : kOk;
     if (has_depth) {
       depth_.set(frame, camera_);
+      if (!any_measured(depth_)) status_ = kNoDepth;
       region_.begin_frame(depth_, segmentation.instances);
     }
     fused_.resize(n);
@@ -108,6 +109,16 @@ class DepthMaskFuser {
     regions_.clear();
     mask_.timestamp = frame.timestamp;
     mask_.age_s = 0;
+  }
+
+  // O(1) unless the picture is black: ends at the first measurement.
+  static bool any_measured(const DepthView& depth) {
+    for (int y = 0; y < depth.size().height; ++y) {
+      const std::uint16_t* row = depth.row(y);
+      for (int x = 0; x < depth.size().width; ++x)
+        if (row[x] != 0) return true;
+    }
+    return false;
   }
 
   static void clear(cv::Mat& image, const cv::Rect& r) {

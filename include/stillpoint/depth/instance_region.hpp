@@ -69,12 +69,14 @@ class InstanceRegion {
       claim_unmeasured_rim(depth, out.mask);
       return;
     }
-    // Without depth to judge by, a good mask stays as it is.
+    const bool in_box =
+        paper && ranges_.find_in_box(depth, samples_, area_, settings_.range_m, range_);
+    // Without depth to judge by, a mask stays as it is, and a bare box is full.
     if (instance.mask.empty())
-      out.mask.setTo(0);
+      out.mask.setTo(in_box ? 0 : 255);
     else
       instance.mask.copyTo(out.mask);
-    if (paper) add_box_range(depth, out.mask);
+    if (in_box) add_box_range(depth, out.mask);
   }
 
  private:
@@ -84,7 +86,6 @@ class InstanceRegion {
   };
 
   void add_box_range(const DepthView& depth, cv::Mat& out) {
-    if (!ranges_.find_in_box(depth, samples_, area_, settings_.range_m, range_)) return;
     const int lo = std::max(1, depth.to_units(range_.lo_m)), hi = depth.to_units(range_.hi_m);
     for (int y = 0; y < area_.height; ++y) {
       const std::uint16_t* z = depth.row(area_.y + y) + area_.x;
