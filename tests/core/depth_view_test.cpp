@@ -27,9 +27,6 @@ TEST(DepthView, RefersTo16Bits) {
   EXPECT_EQ(view.row(2), depth.ptr<std::uint16_t>(2)) << "not a copy";
   EXPECT_EQ(view.size(), cv::Size(6, 4));
   EXPECT_FLOAT_EQ(view.to_m(view.row(2)[3]), 2.5f);
-  EXPECT_EQ(view.to_units(2.5f), 12500);
-  EXPECT_EQ(view.to_units(-1), 0);
-  EXPECT_EQ(view.to_units(100), 65535);
   view.clear();
   EXPECT_TRUE(view.empty());
 }
@@ -45,6 +42,26 @@ TEST(DepthView, TurnsMetresIntoMillimetres) {
   for (int i = 0; i < 8; ++i)
     EXPECT_EQ(view.row(i / 4)[i % 4], expected[static_cast<std::size_t>(i)]);
   EXPECT_FLOAT_EQ(view.to_m(1500), 1.5f);
+}
+
+TEST(DepthView, SaysWhichUnitsLieInARange) {
+  DepthView view;
+  view.set(frame_of(cv::Mat::zeros(4, 6, CV_16UC1)), Camera());
+  EXPECT_EQ(view.first_units(2.5f), 12500);
+  EXPECT_EQ(view.last_units(2.5f), 12500);
+  EXPECT_EQ(view.first_units(2.5001f), 12501);
+  EXPECT_EQ(view.last_units(2.5001f), 12500);
+  for (const float outside : {-1.0f, 0.0f, std::numeric_limits<float>::quiet_NaN()}) {
+    EXPECT_EQ(view.first_units(outside), 0);
+    EXPECT_EQ(view.last_units(outside), 0);
+  }
+  EXPECT_EQ(view.first_units(100), 65535);
+  EXPECT_EQ(view.last_units(100), 65535);
+  // At each whole millimetre.
+  for (int mm = 1; mm < 13000; ++mm) {
+    ASSERT_EQ(view.first_units(static_cast<float>(mm) * 0.001f), 5 * mm);
+    ASSERT_EQ(view.last_units(static_cast<float>(mm) * 0.001f), 5 * mm);
+  }
 }
 
 TEST(DepthView, ReadsPartsOfALargerPicture) {

@@ -294,11 +294,11 @@ TEST_P(DepthMaskFuserMethods, ReadsAnyCodingOfDepthAlike) {
   RgbdFrame tum = room().frame(0, {kPerson});
   tum.depth(cv::Rect(150, 100, 10, 10)).setTo(0);
   tum.depth(cv::Rect(20, 100, 10, 10)).setTo(0);
-  RandomGenerator random(8);
+  RandomGenerator random(8);  // whole millimetres: all codings can say them
   for (int y = 0; y < tum.depth.rows; ++y)
     for (int x = 0; x < tum.depth.cols; ++x)
       if (std::uint16_t& z = tum.depth.at<std::uint16_t>(y, x))
-        z = static_cast<std::uint16_t>(z + 5 * random.below(30));  // whole millimetres
+        z = static_cast<std::uint16_t>(z + 5 * random.below(GetParam() ? 700 : 90));
   RgbdFrame millimetres = tum, metres = tum;
   millimetres.depth = cv::Mat();
   tum.depth.convertTo(millimetres.depth, CV_16U, 0.2);

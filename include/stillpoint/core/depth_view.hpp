@@ -50,10 +50,20 @@ class DepthView {
   cv::Size size() const { return image_.size(); }
   float metres_per_unit_value() const { return metres_per_unit_; }
   float to_m(std::uint16_t units) const { return units * metres_per_unit_; }
-  /// Nearest unit of a depth in metres, clamped to 16 bits.
-  int to_units(float metres) const {
-    const float units = metres / metres_per_unit_ + 0.5f;
-    return units < 0 ? 0 : units > 65535 ? 65535 : static_cast<int>(units);
+  /// The first unit at or beyond a depth in metres, clamped to 16 bits. With last_units() it says
+  /// which depths lie in a range, the same ones in any coding: a hundredth of a millimetre of slack
+  /// keeps rounding errors from deciding.
+  int first_units(float metres) const {
+    const float units = (metres - kSlackM) / metres_per_unit_;
+    if (!(units > 0)) return 0;
+    if (units > 65535) return 65535;
+    const int below = static_cast<int>(units);
+    return below + (static_cast<float>(below) < units ? 1 : 0);
+  }
+  /// The last unit at or before a depth in metres, clamped to 16 bits.
+  int last_units(float metres) const {
+    const float units = (metres + kSlackM) / metres_per_unit_;
+    return !(units > 0) ? 0 : units > 65535 ? 65535 : static_cast<int>(units);
   }
   float focal_px() const { return fx_; }
   float focal_y_px() const { return fy_; }
@@ -63,6 +73,8 @@ class DepthView {
   float ray_y(float v) const { return (v - cy_) / fy_; }
 
  private:
+  static constexpr float kSlackM = 1e-5f;
+
   cv::Mat image_, converted_;
   float metres_per_unit_ = 1;
   float fx_ = 1, fy_ = 1, cx_ = 0, cy_ = 0;

@@ -86,7 +86,7 @@ class InstanceRegion {
   };
 
   void add_box_range(const DepthView& depth, cv::Mat& out) {
-    const int lo = std::max(1, depth.to_units(range_.lo_m)), hi = depth.to_units(range_.hi_m);
+    const int lo = std::max(1, depth.first_units(range_.lo_m)), hi = depth.last_units(range_.hi_m);
     for (int y = 0; y < area_.height; ++y) {
       const std::uint16_t* z = depth.row(area_.y + y) + area_.x;
       uchar* to = out.ptr<uchar>(y);
@@ -225,7 +225,8 @@ class InstanceRegion {
       std::uint16_t lo_units = 1, span = 0;
       if (any) {
         const float slack = 0.03f + 0.01f * lo;
-        const int a = std::max(1, depth.to_units(lo - slack)), b = depth.to_units(hi + slack);
+        const int a = std::max(1, depth.first_units(lo - slack));
+        const int b = std::max(a, depth.last_units(hi + slack));
         lo_units = static_cast<std::uint16_t>(a), span = static_cast<std::uint16_t>(b - a);
       }
       const std::size_t cell = static_cast<std::size_t>(settings_.cell_px);

@@ -132,9 +132,9 @@ class ObjectLocator {
 
   static Probe make_probe(const DepthView& depth, const RememberedObject::Point& p, float z) {
     const float slack = tolerance(z);
-    const int lo = std::max(1, depth.to_units(z - slack));
+    const int lo = std::max(1, depth.first_units(z - slack));
     return {round(p.x), round(p.y), static_cast<std::uint16_t>(lo),
-            static_cast<std::uint16_t>(std::max(0, depth.to_units(z + slack) - lo))};
+            static_cast<std::uint16_t>(std::max(0, depth.last_units(z + slack) - lo))};
   }
 
   Support support(const DepthView& depth, const cv::Point& shift) const {
