@@ -1,7 +1,4 @@
 // SPDX-License-Identifier: BSD-2-Clause
-#include <CLI/App.hpp>
-#include <CLI/Config.hpp>
-#include <CLI/Formatter.hpp>
 #include <chrono>
 #include <cstdio>
 #include <fstream>
@@ -10,7 +7,9 @@
 #include "bench_plan.hpp"
 #include "bench_results.hpp"
 #include "commands.hpp"
+#include "options.hpp"
 #include "stillpoint/core/error.hpp"
+#include "stillpoint/io/text_file.hpp"
 #include "terminal.hpp"
 
 namespace stillpoint::cli {
@@ -22,6 +21,8 @@ using Json = nlohmann::ordered_json;
 struct BenchOptions {
   BenchPlan plan;
   fs::path out;
+  std::string shard;
+  std::vector<fs::path> merge;
   bool fresh = false;
 };
 
@@ -89,15 +90,55 @@ void print_job(const BenchJob& job, const fs::path& file, bool kept, double seco
   std::fflush(stdout);
 }
 
+/// Part `index` of `count` of the runs, from "I/N".
+struct Shard {
+  std::size_t index = 0, count = 1;
+};
+
+Shard parse_shard(const std::string& text) {
+  unsigned index = 0, count = 0;
+  char end = 0;
+  if (std::sscanf(text.c_str(), "%u/%u%c", &index, &count, &end) != 2 || index >= count)
+    throw CLI::ValidationError("--shard",
+                               "expected I/N with 0 <= I < N, e.g. 0/4, found \"" + text + "\"");
+  return {index, count};
+}
+
+/// Makes table, CSV, JSON and page of the results in some folders.
+void write_page(const std::vector<fs::path>& folders, const fs::path& out) {
+  const std::vector<Json> results = read_results(folders);
+  if (results.empty()) throw Error("bench: no results in " + folders.front().string() + "/runs");
+  const Json rows = make_rows(results);
+  write_json(out / "results.json", {{"command", command_line()}, {"rows", rows}});
+  write_file(out / "results.csv", rows_csv(rows), "table");
+  write_file(out / "index.html", make_page(rows, results, command_line()), "page");
+  std::printf("\n%s\nwritten: %s, results.csv, results.json\n", rows_text(rows).c_str(),
+              (out / "index.html").string().c_str());
+}
+
 void bench(const BenchOptions& options) {
+  if (!options.merge.empty()) {
+    if (!options.plan.sequences.empty())
+      throw CLI::ValidationError("--merge", "runs nothing, so it takes no SEQUENCE; found " +
+                                                options.plan.sequences.front().string());
+    make_folder(options.out);
+    write_page(options.merge, options.out);
+    return;
+  }
+  if (options.plan.sequences.empty())
+    throw CLI::RequiredError("SEQUENCE (or --merge with folders of results)");
+  const Shard shard = options.shard.empty() ? Shard() : parse_shard(options.shard);
   std::vector<std::string> notes;
-  const std::vector<BenchJob> jobs = make_jobs(options.plan, notes);
-  if (jobs.empty()) throw Error("bench: nothing to run; see the notes on what was left out");
-  make_folder(options.out / "runs");
+  std::vector<BenchJob> jobs;
+  {
+    const std::vector<BenchJob> all = make_jobs(options.plan, notes);
+    for (std::size_t i = shard.index; i < all.size(); i += shard.count) jobs.push_back(all[i]);
+  }
   for (const std::string& note : notes) std::printf("note: %s\n", note.c_str());
+  if (jobs.empty()) throw Error("bench: nothing to run");
+  make_folder(options.out / "runs");
 
   bool failed = false;
-  std::vector<fs::path> files;
   for (std::size_t i = 0; i < jobs.size(); ++i) {
     const fs::path file = options.out / jobs[i].result_file();
     const Json key = job_key(jobs[i]);
@@ -113,61 +154,72 @@ void bench(const BenchOptions& options) {
     print_job(jobs[i], file, done, seconds);
     failed = failed || !is_done(file, key);
   }
-
-  const std::vector<Json> results = read_results({options.out});
-  const Json rows = make_rows(results);
-  std::string command = "stillpoint bench";
-  for (const fs::path& s : options.plan.sequences) command += " " + s.string();
-  command += " --out " + options.out.string() + " --runs " + std::to_string(options.plan.runs) +
-             " --tracker " + options.plan.common.tracker;
-  write_json(options.out / "results.json", {{"command", command}, {"rows", rows}});
-  std::ofstream(options.out / "results.csv") << rows_csv(rows);
-  std::ofstream(options.out / "index.html") << make_page(rows, results, command);
-  std::printf("\n%s\nwritten: %s, results.csv, results.json, runs/\n", rows_text(rows).c_str(),
-              (options.out / "index.html").string().c_str());
-  if (failed) throw Error("bench: at least one run broke off; the table says why");
+  if (shard.count == 1)
+    write_page({options.out}, options.out);
+  else
+    std::printf("done with shard %s; when all are: stillpoint bench --merge DIR... --out DIR\n",
+                options.shard.c_str());
+  if (failed) throw Error("bench: at least one run broke off; the lines above say why");
 }
 
 }  // namespace
 
 void add_bench_command(CLI::App& app) {
   auto* command = app.add_subcommand(
-      "bench", "Compare: front end off, presets, each stage left out, ground-truth masks");
+      "bench", "Compare: front end off, on, without each stage, with exact masks");
   auto options = std::make_shared<BenchOptions>();
   BenchPlan& plan = options->plan;
   plan.common.tracker = default_tracker();
-  command->add_option("SEQUENCE", plan.sequences, "Folders in TUM layout")->required();
-  command->add_option("--out", options->out, "Folder for the results")->required();
-  command
-      ->add_option("--runs", plan.runs,
-                   "Runs of each variant, each with its own seed; the table shows median and worst")
-      ->check(CLI::Range(1, 1000))
-      ->capture_default_str();
+  command->add_option("SEQUENCE", plan.sequences, "Folders in TUM layout")->type_name("DIR");
+  command->add_option("--out", options->out, "Folder for the results")
+      ->required()
+      ->type_name("DIR");
+  between(command->add_option("--runs", plan.runs, "Of each variant, each with its own seed  [1]"),
+          1, 1000);
   command
       ->add_option("--masks-folder", plan.masks_folders,
-                   "Folder of masks inside each sequence; again for more rows (masks_4hz ...)")
+                   "Inside each sequence; again for more rows (masks_4hz)  [masks]")
       ->allow_extra_args(false)
       ->delimiter(',')
-      ->capture_default_str();
-  std::string names;
-  for (const Variant& v : variants()) names += (names.empty() ? "" : ",") + v.name;
-  command->add_option("--variants", plan.variant_names, "Only these rows, of " + names)
+      ->type_name("NAME");
+  std::vector<std::string> names;
+  for (const Variant& v : variants()) names.push_back(v.name);
+  choices(command->add_option("--variants", plan.variant_names, "Only these rows; with commas"),
+          names)
       ->allow_extra_args(false)
-      ->delimiter(',');
-  command->add_option("--camera", plan.common.camera,
-                      "fr1, fr2, fr3, bonn or a YAML file  [SEQUENCE/camera.yaml]");
-  command->add_option("--tracker", plan.common.tracker, "Tracking system")
-      ->check(CLI::IsMember(tracker_names()))
-      ->capture_default_str();
+      ->delimiter(',')
+      ->type_name("NAME,...");
   command
-      ->add_option("--features", plan.common.features, "Keypoints per frame  [the tracker's own]")
-      ->check(CLI::Range(50, 100000));
-  command->add_option("--frames", plan.common.frames, "Only the first N frames  [all]");
+      ->add_option("--camera", plan.common.camera,
+                   "fr1, fr2, fr3, bonn or a YAML file  [SEQUENCE/camera.yaml]")
+      ->type_name("NAME|FILE");
+  choices(command->add_option("--tracker", plan.common.tracker,
+                              "The system that tracks  [" + default_tracker() + "]"),
+          tracker_names());
+  between(command->add_option("--features", plan.common.features, "Keypoints per frame  [1000]"),
+          50, 100000);
+  between(command->add_option("--frames", plan.common.frames, "Only the first N frames  [all]"), 1,
+          1000000);
+  command
+      ->add_option("--shard", options->shard,
+                   "Do only part I of N of the runs, 0 <= I < N; no page")
+      ->type_name("I/N");
+  command
+      ->add_option("--merge", options->merge,
+                   "Run nothing: one page of the results in these folders")
+      ->type_name("DIR");
   command->add_flag("--fresh", options->fresh, "Run everything again, also what is there");
   command->footer(R"(
+Variants: off, paper, default, no_compensation, no_depth, no_probability, truth (masks_gt as masks,
+nothing to repair).
+
 Examples:
   stillpoint bench walk_xyz walk_rpy --out bench
   stillpoint bench walk_xyz --out bench --runs 5 --masks-folder masks --masks-folder masks_4hz
+  stillpoint bench walk_* --out bench --variants off,default,truth
+On many machines, then one page of all:
+  stillpoint bench walk_* --out shard3 --runs 5 --shard 3/16
+  stillpoint bench --merge shard* --out bench
 
 Each run writes its result to DIR/runs/ when it is done. The same command again goes on where it was
 stopped; results of other settings, inputs or another build of the program are made anew. Then

@@ -26,8 +26,7 @@ th, td { padding: 3px 9px; text-align: right; white-space: nowrap; border-bottom
 th { background: #f4f5f7; font-weight: 600; vertical-align: bottom; }
 th.group { text-align: center; border-left: 1px solid #ddd; }
 td:first-child, th:first-child { text-align: left; white-space: pre; }
-tr.failed td { color: #a33; background: #fdf1f0; } tr.best td { background: #eef7f0; }
-.figures { display: flex; flex-wrap: wrap; gap: 12px; } svg { max-width: 100%; height: auto; }
+tr.failed td { color: #a33; background: #fdf1f0; } .figures { display: flex; flex-wrap: wrap; gap: 12px; } svg { max-width: 100%; height: auto; }
 figure { margin: 0; max-width: 100%; } figure img { max-width: 100%; display: block; }
 figcaption { font-size: 13px; color: #555; padding: 2px 0 10px; }
 code { background: #f4f5f7; padding: 1px 4px; border-radius: 3px; }
@@ -56,35 +55,61 @@ std::vector<double> column(const Json& points, std::size_t axis) {
 
 std::string cell(const std::string& text) { return "<td>" + escape_html(text) + "</td>"; }
 
-std::string table(const std::vector<const Json*>& rows) {
-  std::string out =
-      "<div class=\"scroll\"><table><thead><tr><th rowspan=\"2\">variant</th>"
-      "<th rowspan=\"2\">runs</th><th rowspan=\"2\">coverage<br>%</th>"
-      "<th class=\"group\" colspan=\"3\">ATE [m]</th><th class=\"group\" colspan=\"2\">RPE</th>"
+std::string head(const char* groups, std::initializer_list<const char*> names) {
+  std::string out = "<div class=\"scroll\"><table><thead><tr>";
+  out += groups;
+  out += "</tr><tr>";
+  for (const char* name : names) out += std::string("<th>") + name + "</th>";
+  return out + "</tr></thead><tbody>\n";
+}
+
+std::string begin_row(const Json& row) {
+  const std::string failed = row["failed"];
+  return (failed.empty() ? "<tr>" : "<tr class=\"failed\">") +
+         cell(row["label"].get<std::string>() + (failed == "coverage" ? "  (failed: coverage)"
+                                                 : failed.empty()     ? ""
+                                                                      : "  (failed)"));
+}
+
+std::string at(const Json& row, const std::string& key, int digits, double factor = 1) {
+  return cell(fixed(factor * number_at(row, key), digits));
+}
+
+std::string accuracy_table(const std::vector<const Json*>& rows) {
+  std::string out = head(
+      "<th rowspan=\"2\">variant</th><th rowspan=\"2\">runs</th><th "
+      "rowspan=\"2\">coverage<br>%</th>"
+      "<th class=\"group\" colspan=\"4\">ATE [m]</th><th class=\"group\" colspan=\"2\">RPE</th>"
       "<th class=\"group\" colspan=\"2\">mask IoU</th>"
-      "<th class=\"group\" colspan=\"2\">on blurred</th>"
-      "<th class=\"group\" colspan=\"5\">keypoints</th>"
-      "<th rowspan=\"2\">memory<br>MB</th></tr><tr>";
-  for (const char* name : {"RMSE", "worst", "S.D.", "m", "deg", "before", "after", "before",
-                           "after", "kept", "on people&nbsp;%", "prec.", "recall", "F1"})
-    out += std::string("<th>") + name + "</th>";
-  out += "</tr></thead><tbody>\n";
+      "<th class=\"group\" colspan=\"2\">keypoints</th>",
+      {"RMSE", "worst", "spread", "S.D.", "m", "deg", "before", "after", "kept", "on people %"});
+  for (const Json* row : rows)
+    out += begin_row(*row) + cell(std::to_string((*row)["runs"].get<int>())) +
+           at(*row, "coverage_min", 1, 100) + at(*row, "ate_rmse_m", 4) +
+           at(*row, "ate_rmse_worst_m", 4) + at(*row, "ate_rmse_spread_m", 4) +
+           at(*row, "ate_sd_m", 4) + at(*row, "rpe_trans_m", 4) + at(*row, "rpe_rot_deg", 3) +
+           at(*row, "mask_iou_before", 3) + at(*row, "mask_iou_after", 3) +
+           at(*row, "keypoints_kept", 0) + at(*row, "keypoints_kept_on_people", 2, 100) + "</tr>\n";
+  return out + "</tbody></table></div>\n";
+}
+
+std::string detail_table(const std::vector<const Json*>& rows) {
+  std::string out = head(
+      "<th rowspan=\"2\">variant</th><th class=\"group\" colspan=\"3\">given masks</th>"
+      "<th class=\"group\" colspan=\"3\">final masks</th>"
+      "<th class=\"group\" colspan=\"2\">IoU on blurred</th>"
+      "<th class=\"group\" colspan=\"4\">removed keypoints</th>"
+      "<th rowspan=\"2\">memory<br>MB</th>",
+      {"IoU", "recall", "precision", "IoU", "recall", "precision", "before", "after", "precision",
+       "recall", "F1", "static kept %"});
   for (const Json* row : rows) {
-    const auto at = [&](const char* key, int digits, double factor = 1) {
-      return cell(fixed(factor * number_at(*row, key), digits));
-    };
-    const std::string failed = (*row)["failed"];
-    out += failed.empty() ? "<tr>" : "<tr class=\"failed\">";
-    out += cell((*row)["label"].get<std::string>() + (failed == "coverage" ? "  (failed: coverage)"
-                                                      : failed.empty()     ? ""
-                                                                           : "  (failed)"));
-    out += cell(std::to_string((*row)["runs"].get<int>())) + at("coverage_min", 1, 100) +
-           at("ate_rmse_m", 4) + at("ate_rmse_worst_m", 4) + at("ate_sd_m", 4) +
-           at("rpe_trans_m", 4) + at("rpe_rot_deg", 3) + at("mask_iou_before", 3) +
-           at("mask_iou_after", 3) + at("mask_iou_before_blurred", 3) +
-           at("mask_iou_after_blurred", 3) + at("keypoints_kept", 0) +
-           at("keypoints_kept_on_people", 2, 100) + at("keypoints_precision", 3) +
-           at("keypoints_recall", 3) + at("keypoints_f1", 3) + at("peak_memory_mb", 0) + "</tr>\n";
+    out += begin_row(*row);
+    for (const char* key :
+         {"mask_iou_before", "mask_recall_before", "mask_precision_before", "mask_iou_after",
+          "mask_recall_after", "mask_precision_after", "mask_iou_before_blurred",
+          "mask_iou_after_blurred", "keypoints_precision", "keypoints_recall", "keypoints_f1"})
+      out += at(*row, key, 3);
+    out += at(*row, "keypoints_static_kept", 1, 100) + at(*row, "peak_memory_mb", 0) + "</tr>\n";
   }
   return out + "</tbody></table></div>\n";
 }
@@ -146,6 +171,7 @@ std::string trimmed_label(const Json& result) {
 
 std::string trajectory_plots(const std::vector<const Json*>& shown) {
   std::string out;
+  // Only what is on does the second pair show: beside a lost estimate it would be a dot.
   const auto add_view = [&](const std::string& title, std::size_t second, const char* y_label,
                             bool with_off) {
     Plot plot;
@@ -289,7 +315,7 @@ std::string make_page(const Json& rows, const std::vector<Json>& results,
     for (const Json& r : results)
       if (r["job"]["sequence"] == sequence) own_results.push_back(&r);
     out += "<h2 id=\"" + escape_html(sequence) + "\">" + escape_html(sequence) + "</h2>\n";
-    out += verdict(own_rows) + table(own_rows);
+    out += verdict(own_rows) + accuracy_table(own_rows);
     const std::vector<const Json*> shown = shown_runs(own_results);
     out += "<h3>Trajectory</h3><div class=\"figures\">" + trajectory_plots(shown) + "</div>\n";
     out += "<h3>Error, masks and blur over time</h3><div class=\"figures\">" + time_plots(shown) +
@@ -297,10 +323,12 @@ std::string make_page(const Json& rows, const std::vector<Json>& results,
     const std::string pictures = overlays(own_results);
     if (!pictures.empty())
       out +=
-          "<h3>Frames</h3><p class=\"note\">Green: keypoints that reach the tracker. Red: removed. "
+          "<h3>Frames</h3><p class=\"note\">Green: keypoints that reach the tracker. Red: "
+          "those that the front end spares it, by mask or by probability. "
           "Yellow: the final (dilated) mask. From each quarter of the sequence the frame where the "
           "given masks miss most of the people.</p>\n" +
           pictures;
+    out += "<h3>Masks and keypoints</h3>\n" + detail_table(own_rows);
     out += "<h3>Time</h3>\n" + times(own_rows);
   }
 

@@ -125,9 +125,13 @@ std::vector<Json> read_results(const std::vector<fs::path>& folders) {
   }
   const auto key = [](const Json& json) {
     const Json& job = json["job"];
-    return std::make_tuple(job["sequence"].get<std::string>(),
-                           variant_order(job["variant"].get<std::string>()),
-                           job["label"].get<std::string>(), job["run"].get<int>());
+    // One block per folder of masks; what needs none stands in the first block.
+    const std::string label = job["label"];
+    const std::string block =
+        label.back() == ']' ? job["masks_folder"].get<std::string>() : std::string();
+    return std::make_tuple(job["sequence"].get<std::string>(), block,
+                           variant_order(job["variant"].get<std::string>()), label,
+                           job["run"].get<int>());
   };
   std::sort(found.begin(), found.end(), [&](const auto& a, const auto& b) {
     const auto ka = key(a.second), kb = key(b.second);

@@ -2,8 +2,12 @@
 #pragma once
 
 #include <CLI/App.hpp>
+#include <string>
 
 namespace stillpoint::cli {
+
+/// The command line as the user gave it, quoted for a shell; for the results that it makes.
+std::string& command_line();
 
 // Each adds one subcommand with its options; the command runs from the parser's callback and says
 // what went wrong by throwing.

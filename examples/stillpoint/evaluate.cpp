@@ -1,7 +1,4 @@
 // SPDX-License-Identifier: BSD-2-Clause
-#include <CLI/App.hpp>
-#include <CLI/Config.hpp>
-#include <CLI/Formatter.hpp>
 #include <cstdio>
 #include <filesystem>
 #include <memory>
@@ -9,6 +6,7 @@
 #include "accuracy.hpp"
 #include "bench_results.hpp"
 #include "commands.hpp"
+#include "options.hpp"
 #include "stillpoint/io/trajectory_file.hpp"
 #include "stillpoint/io/tum_sequence.hpp"
 #include "terminal.hpp"
@@ -65,14 +63,12 @@ void add_evaluate_command(CLI::App& app) {
       ->required()
       ->type_name("FILE");
   command
-      ->add_option(
-          "--frames", options->frames,
-          "The sequence's rgb.txt: coverage counts its frames  [guessed from the timestamps]")
+      ->add_option("--frames", options->frames,
+                   "rgb.txt of the sequence, for the coverage  [frames are guessed]")
       ->type_name("FILE");
-  command
-      ->add_option("--rpe-seconds", options->rpe_seconds,
-                   "Relative error over this many seconds  [from each pose to the next]")
-      ->check(CLI::PositiveNumber);
+  between(command->add_option("--rpe-seconds", options->rpe_seconds,
+                              "Relative error over this time  [from pose to pose]"),
+          1e-3, 1e6, "S");
   command->add_flag("--json", options->json, "One JSON object on stdout and nothing else");
   command->footer(R"(
 Example:

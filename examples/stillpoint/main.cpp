@@ -6,6 +6,7 @@
 #include <CLI/App.hpp>
 #include <CLI/Config.hpp>
 #include <CLI/Formatter.hpp>
+#include <algorithm>
 #include <cstdio>
 #include <opencv2/core.hpp>
 #include <opencv2/core/utils/logger.hpp>
@@ -34,7 +35,24 @@ std::string command_name(const CLI::App& app) {
   return "stillpoint";
 }
 
+std::string quoted_command_line(int argc, char** argv) {
+  std::string line = "stillpoint";
+  for (int i = 1; i < argc; ++i) {
+    const std::string word = argv[i];
+    const bool plain = !word.empty() && word.find_first_not_of(
+                                            "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ"
+                                            "0123456789_-+=.,/:@") == std::string::npos;
+    line += plain ? " " + word : " '" + word + "'";
+  }
+  return line;
+}
+
 }  // namespace
+
+std::string& stillpoint::cli::command_line() {
+  static std::string line;
+  return line;
+}
 
 int main(int argc, char** argv) {
   // OpenCV's own log lines would stand between ours; what matters comes back as an error.
@@ -47,7 +65,7 @@ int main(int argc, char** argv) {
   app.name("stillpoint");
   app.set_version_flag("--version", "stillpoint " STILLPOINT_VERSION);
   app.require_subcommand(1);
-  app.get_formatter()->column_width(34);
+  app.get_formatter()->column_width(32);
   app.footer(R"(
 A first try, without any data:
   stillpoint synth /tmp/walk --frames 100       render people walking before a moving camera
@@ -66,6 +84,14 @@ not say ms), pictures 8-bit PNG or JPEG, masks 8-bit PNG with 0 = static backgro
   stillpoint::cli::add_segment_command(app);
   stillpoint::cli::add_bench_command(app);
 
+  stillpoint::cli::command_line() = quoted_command_line(argc, argv);
+  const auto known = app.get_subcommands([](const CLI::App*) { return true; });
+  if (argc > 1 && argv[1][0] != '-' &&
+      std::none_of(known.begin(), known.end(),
+                   [&](const CLI::App* command) { return command->check_name(argv[1]); }))
+    return fail("unknown command \"" + std::string(argv[1]) +
+                    "\"; expected synth, run, evaluate, segment or bench (see `stillpoint --help`)",
+                2);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {

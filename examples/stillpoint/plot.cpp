@@ -97,6 +97,8 @@ std::string svg(const Plot& plot) {
   for (const Series& s : plot.series)
     for (std::size_t i = 0; i < std::min(s.x.size(), s.y.size()); ++i)
       if (usable(s.x[i], s.y[i])) xr.add(s.x[i]), yr.add(plot.log_y ? std::log10(s.y[i]) : s.y[i]);
+  // Three powers of ten are enough: a single tiny value must not flatten the rest.
+  if (plot.log_y) yr.low = std::max(yr.low, yr.high - 3);
   std::string out = open_svg(plot.width, plot.height, plot.title);
   if (xr.span() < 0)
     return out + text(plot.width / 2.0, plot.height / 2.0, "nothing to show", "middle") +
@@ -114,7 +116,7 @@ std::string svg(const Plot& plot) {
   if (!(xr.span() > 0)) widen(xr, 0.05);
 
   const bool legend = plot.legend && plot.series.size() > 1;
-  const double left = 62, right = plot.width - 14.0, top = 28,
+  const double left = 72, right = plot.width - 14.0, top = 28,
                bottom = plot.height - (legend ? 62.0 : 42.0);
   if (plot.equal_axes) {
     const double scale = std::max(xr.span() / (right - left), yr.span() / (bottom - top));
@@ -127,7 +129,8 @@ std::string svg(const Plot& plot) {
   }
   const auto px = [&](double x) { return left + (x - xr.low) / xr.span() * (right - left); };
   const auto py = [&](double y) {
-    return bottom - ((plot.log_y ? std::log10(y) : y) - yr.low) / yr.span() * (bottom - top);
+    return bottom - ((plot.log_y ? std::max(yr.low, std::log10(y)) : y) - yr.low) / yr.span() *
+                        (bottom - top);
   };
 
   const char* const grid = "stroke=\"#e3e3e3\" stroke-width=\"1\"";
@@ -144,7 +147,7 @@ std::string svg(const Plot& plot) {
         if (m == 1 || yr.span() < 2.5) out += text(left - 6, py(v) + 4, tick_text(v), "end");
       }
   } else {
-    for (double t : linear_ticks(yr, std::max(2, plot.height / 60))) {
+    for (double t : linear_ticks(yr, std::max(3, plot.height / 50))) {
       out += line(left, py(t), right, py(t), grid);
       out += text(left - 6, py(t) + 4, tick_text(t), "end");
     }

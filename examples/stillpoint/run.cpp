@@ -1,11 +1,9 @@
 // SPDX-License-Identifier: BSD-2-Clause
-#include <CLI/App.hpp>
-#include <CLI/Config.hpp>
-#include <CLI/Formatter.hpp>
 #include <cstdio>
 #include <memory>
 
 #include "commands.hpp"
+#include "options.hpp"
 #include "run_job.hpp"
 #include "systems.hpp"
 #include "terminal.hpp"
@@ -87,46 +85,29 @@ void add_run_command(CLI::App& app) {
   RunSettings& s = options->settings;
   s.tracker = default_tracker();
   command->add_option("SEQUENCE", s.sequence, "Folder in TUM layout: rgb.txt, depth.txt, pictures")
-      ->required();
+      ->required()
+      ->type_name("DIR");
   command->add_option("--out", options->out, "Folder for the results; made if it is not there")
       ->required()
       ->type_name("DIR");
-  command
-      ->add_option("--camera", s.camera,
-                   "fr1, fr2, fr3, bonn or an ORB-SLAM style YAML file  [SEQUENCE/camera.yaml]")
-      ->type_name("NAME|FILE");
-  command
-      ->add_option("--segmenter", s.segmenter,
-                   "Where masks come from  [mask_files if SEQUENCE/masks exists, else none]")
-      ->check(CLI::IsMember(segmenter_names()));
-  command
-      ->add_option("--masks", s.masks,
-                   "Folder of masks for mask_files: STEM.png for rgb/STEM.*  [SEQUENCE/masks]")
-      ->type_name("DIR");
-  command->add_option("--preset", s.preset, "default: ours; paper: the literal method")
-      ->check(CLI::IsMember({"default", "paper"}))
-      ->capture_default_str();
-  command
-      ->add_option_function<std::string>(
-          "--front-end", [&s](const std::string& value) { s.front_end = value == "on"; },
-          "off: the tracker alone, for comparison")
-      ->check(CLI::IsMember({"on", "off"}))
-      ->default_str("on");
-  command->add_option("--without", s.without, "Leave a stage out; may be given several times")
-      ->check(CLI::IsMember({"compensation", "depth", "probability"}))
+  add_system_options(command, s);
+  choices(command->add_option("--preset", s.preset,
+                              "default: ours; paper: the literal method  [default]"),
+          {"default", "paper"});
+  choices(command->add_option_function<std::string>(
+              "--front-end", [&s](const std::string& value) { s.front_end = value == "on"; },
+              "off: the tracker alone, for comparison  [on]"),
+          {"on", "off"});
+  choices(command->add_option("--without", s.without, "Leave a stage out; may be given again"),
+          {"compensation", "depth", "probability"})
       ->allow_extra_args(false);
-  command
-      ->add_option("--tracker", s.tracker,
-                   "slam: with local mapping and loop closing; vo: small visual odometry")
-      ->check(CLI::IsMember(tracker_names()))
-      ->capture_default_str();
-  command->add_option("--features", s.features, "Keypoints per frame  [the tracker's own]")
-      ->check(CLI::Range(50, 100000));
-  command->add_option("--frames", s.frames, "Only the first N frames  [all]")
-      ->check(CLI::PositiveNumber)
+  choices(command->add_option(
+              "--tracker", s.tracker,
+              "slam: maps and closes loops; vo: small odometry  [" + default_tracker() + "]"),
+          tracker_names());
+  between(command->add_option("--features", s.features, "Keypoints per frame  [1000]"), 50, 100000);
+  command->add_option("--seed", s.seed, "Other random samples in the front end  [0]")
       ->type_name("N");
-  command->add_option("--seed", s.seed, "Other random samples: added to the presets' own seeds")
-      ->capture_default_str();
   command->add_flag("--save-masks", options->save_masks,
                     "Write DIR/masks/STEM.png: the final mask, 255 = dynamic");
   command->add_flag("--save-keypoints", options->save_keypoints,
@@ -138,8 +119,7 @@ void add_run_command(CLI::App& app) {
             command_options->overlay_every =
                 value.empty() || value == "true" ? 1 : static_cast<std::size_t>(std::stoul(value));
           },
-          "Write DIR/overlays/STEM.png, of every N-th frame: kept keypoints green, removed red, "
-          "mask edges yellow")
+          "Write DIR/overlays/STEM.png of every EVERY-th frame  [1]")
       ->expected(0, 1)
       ->check(CLI::Validator(
           [](std::string& value) {
@@ -147,10 +127,10 @@ void add_run_command(CLI::App& app) {
                            value.size() < 10 && std::stoul(value) > 0
                        ? std::string()
                        : "expected a number of frames of at least 1, found \"" + value +
-                             "\" (write --save-overlays at the end or --save-overlays=1)";
+                             "\"; write --save-overlays=1";
           },
           ""))
-      ->type_name("[N]");
+      ->type_name("[EVERY]");
   command->footer(R"(
 Examples:
   stillpoint run walk --out out
@@ -165,8 +145,9 @@ a missing file that there is no result for this frame, and its masks are predict
 
 Results in DIR: trajectory.txt (TUM format: timestamp tx ty tz qx qy qz qw, seconds and metres, one
 line per tracked frame), stats.json (coverage, errors, ms per stage, status counts, settings,
-versions), map.ply (colored points of the static world). With groundtruth.txt in SEQUENCE the error is
-computed, with masks_gt/ the masks and keypoints are judged.)");
+versions), map.ply (colored points of the static world), and what --save-... asks for. Overlays: kept
+keypoints green, removed ones red, the mask's edge yellow. With groundtruth.txt in SEQUENCE the error
+is computed, with masks_gt/ masks and keypoints are judged.)");
   command->callback([options] { run(*options); });
 }
 

@@ -1,11 +1,9 @@
 // SPDX-License-Identifier: BSD-2-Clause
-#include <CLI/App.hpp>
-#include <CLI/Config.hpp>
-#include <CLI/Formatter.hpp>
 #include <cstdio>
 #include <memory>
 
 #include "commands.hpp"
+#include "options.hpp"
 #include "run_job.hpp"
 #include "stillpoint/io/mask_folder.hpp"
 #include "systems.hpp"
@@ -53,20 +51,13 @@ void segment(SegmentOptions options) {
 void add_segment_command(CLI::App& app) {
   auto* command = app.add_subcommand("segment", "Run a segmenter once and keep its masks as files");
   auto options = std::make_shared<SegmentOptions>();
-  RunSettings& s = options->settings;
-  command->add_option("SEQUENCE", s.sequence, "Folder in TUM layout")->required();
+  command->add_option("SEQUENCE", options->settings.sequence, "Folder in TUM layout")
+      ->required()
+      ->type_name("DIR");
   command->add_option("--out", options->out, "Folder for the masks; made if it is not there")
       ->required()
       ->type_name("DIR");
-  command->add_option("--segmenter", s.segmenter, "Where masks come from")
-      ->check(CLI::IsMember(segmenter_names()));
-  command->add_option("--masks", s.masks, "Folder of masks for mask_files  [SEQUENCE/masks]")
-      ->type_name("DIR");
-  command->add_option("--camera", s.camera, "fr1, fr2, fr3, bonn or a YAML file")
-      ->type_name("NAME|FILE");
-  command->add_option("--frames", s.frames, "Only the first N frames  [all]")
-      ->check(CLI::PositiveNumber)
-      ->type_name("N");
+  add_system_options(command, options->settings);
   command->footer(R"(
 Example:
   stillpoint segment walk --segmenter mask_files --masks old_masks --out walk/masks

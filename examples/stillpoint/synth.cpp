@@ -1,12 +1,10 @@
 // SPDX-License-Identifier: BSD-2-Clause
-#include <CLI/App.hpp>
-#include <CLI/Config.hpp>
-#include <CLI/Formatter.hpp>
 #include <cstdio>
 #include <fstream>
 #include <memory>
 
 #include "commands.hpp"
+#include "options.hpp"
 #include "run_job.hpp"
 #include "stillpoint/testing/synthetic_writer.hpp"
 #include "terminal.hpp"
@@ -36,12 +34,9 @@ void check_target(const fs::path& out) {
                 "folder");
 }
 
-void parse_size(const std::string& text, SyntheticSettings& settings) {
-  int width = 0, height = 0;
+bool parse_size(const std::string& text, SyntheticSettings& settings) {
   char end = 0;
-  if (std::sscanf(text.c_str(), "%dx%d%c", &width, &height, &end) != 2)
-    throw Error("--size: expected WIDTHxHEIGHT in pixels, e.g. 640x480, found \"" + text + "\"");
-  settings.width = width, settings.height = height;
+  return std::sscanf(text.c_str(), "%dx%d%c", &settings.width, &settings.height, &end) == 2;
 }
 
 void synth(SynthOptions options) {
@@ -84,33 +79,33 @@ void add_synth_command(CLI::App& app) {
   auto options = std::make_shared<SynthOptions>();
   SyntheticSettings& s = options->settings;
   command->add_option("OUT", options->out, "Folder for the sequence; made if it is not there")
-      ->required();
-  command
-      ->add_option("--motion", options->motion,
-                   "How the camera moves; loop: once around the room, 26 m")
-      ->check(CLI::IsMember(synthetic_motion_names()))
-      ->capture_default_str();
-  command->add_option("--people", s.people, "How many walk there, 0 to 20")
-      ->check(CLI::Range(0, 20))
-      ->capture_default_str();
-  command->add_option("--frames", s.frames, "At 30 Hz  [150; loop: the whole way]")
-      ->check(CLI::Range(1, 100000));
-  command
-      ->add_option("--shutter-ms", options->shutter_ms,
-                   "Exposure time in milliseconds: motion blur; 0: none")
-      ->check(CLI::Range(0.0, 1000.0))
-      ->capture_default_str();
-  command->add_option("--size", options->size, "Of the pictures in pixels")
+      ->required()
+      ->type_name("DIR");
+  choices(command->add_option("--motion", options->motion,
+                              "How the camera moves; loop: around the room, 26 m  [xyz]"),
+          synthetic_motion_names());
+  between(command->add_option("--people", s.people, "How many walk there, up to 20  [2]"), 0, 20);
+  between(command->add_option("--frames", s.frames, "At 30 Hz  [150; loop: the whole way]"), 1,
+          1000000);
+  between(command->add_option("--shutter-ms", options->shutter_ms,
+                              "Exposure time: makes motion blur; 0: none  [25]"),
+          0.0, 1000.0, "MS");
+  command->add_option("--size", options->size, "Of the pictures in pixels  [640x480]")
       ->type_name("WxH")
-      ->capture_default_str();
-  command->add_option("--seed", s.seed, "Another room, people and paths")->capture_default_str();
+      ->check(CLI::Validator(
+          [](std::string& value) {
+            SyntheticSettings ignored;
+            return parse_size(value, ignored)
+                       ? std::string()
+                       : "expected WIDTHxHEIGHT in pixels, e.g. 640x480, found \"" + value + "\"";
+          },
+          ""));
+  command->add_option("--seed", s.seed, "Another room, people and paths  [1]")->type_name("N");
   command->add_flag("--seated", s.seated, "People sit or stand and hardly move");
   command->add_flag("--no-object", options->no_object, "Nobody carries a carton");
-  command
-      ->add_option("--movers", s.movers,
-                   "Things that move but no network knows; 1: a pushed carton, 2: also a door")
-      ->check(CLI::Range(0, 2))
-      ->capture_default_str();
+  between(command->add_option("--movers", s.movers,
+                              "Movers unknown to networks; 1: a pushed carton, 2: and a door  [0]"),
+          0, 2);
   command->add_flag("--jpeg", options->writer.jpeg, "Color as JPEG, to save space");
   command->footer(R"(
 Examples:

@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <CLI/App.hpp>
+#include <CLI/Config.hpp>
+#include <CLI/Formatter.hpp>
+#include <string>
+#include <vector>
+
+#include "run_job.hpp"
+
+namespace stillpoint::cli {
+
+/// Restricts an option to some words and shows them in the help: `--preset default|paper`.
+inline CLI::Option* choices(CLI::Option* option, const std::vector<std::string>& words) {
+  std::string shown;
+  for (const std::string& word : words) shown += (shown.empty() ? "" : "|") + word;
+  CLI::IsMember member(words);
+  member.description("");
+  return option->check(member)->type_name(shown);
+}
+
+/// Restricts an option to a range, which its error message names; the help says N.
+template <class Number>
+CLI::Option* between(CLI::Option* option, Number least, Number most, const char* unit = "N") {
+  CLI::Range range(least, most);
+  range.description("");
+  return option->check(range)->type_name(unit);
+}
+
+/// The options that `run` and `segment` share: where pictures and masks come from.
+inline void add_system_options(CLI::App* command, RunSettings& s) {
+  command
+      ->add_option("--camera", s.camera,
+                   "fr1, fr2, fr3, bonn or a YAML file  [SEQUENCE/camera.yaml]")
+      ->type_name("NAME|FILE");
+  choices(command->add_option("--segmenter", s.segmenter,
+                              "Where masks come from  [mask_files if there are masks]"),
+          segmenter_names());
+  command->add_option("--masks", s.masks, "Folder of masks for mask_files  [SEQUENCE/masks]")
+      ->type_name("DIR");
+  between(command->add_option("--frames", s.frames, "Only the first N frames  [all]"), 1, 1000000);
+}
+
+}  // namespace stillpoint::cli
