@@ -54,6 +54,7 @@ class Furnisher {
   int plaster_texture() const { return plaster_; }
   int carpet_texture() const { return carpet_; }
   int ceiling_texture() const { return ceiling_; }
+  int oak_texture() const { return oak_; }
   int door_texture() const { return door_; }
   int carton_texture() { return pick(cartons_); }
 

@@ -168,6 +168,40 @@ class Rasterizer {
     }
   }
 
+  /// Bounds on the picture, in pixels.
+  struct Box {
+    double left = 0, right = 0, top = 0, bottom = 0;
+  };
+  /// Bounds of a ball that lies before the camera, a pixel wider.
+  Box bounds(Vec3 c, double r) const {
+    const auto most = [&](double x, bool upper) {  // of x / z over the ball's cube
+      return upper == (x > 0) ? x / (c.z - r) : x / (c.z + r);
+    };
+    return {most(c.x - r, false) * camera_.fx - shift_x_ - 1,
+            most(c.x + r, true) * camera_.fx - shift_x_ + 1,
+            most(c.y - r, false) * camera_.fy - shift_y_ - 1,
+            most(c.y + r, true) * camera_.fy - shift_y_ + 1};
+  }
+  static int clipped(double value, int limit) {
+    return static_cast<int>(std::min<double>(limit, std::max(0.0, value)));
+  }
+  /// Columns x0..x1 of the convex hull of two boxes in row y; x0 > x1: none.
+  void span(const Box& a, const Box& b, int y, int& x0, int& x1) const {
+    double left = 1e9, right = -1e9;
+    const auto take = [&](double l, double r) {
+      left = std::min(left, l), right = std::max(right, r);
+    };
+    for (const Box* box : {&a, &b})
+      if (y >= box->top && y <= box->bottom) take(box->left, box->right);
+    const auto between = [&](double ya, double yb) {  // the lines between like corners
+      const double d = yb - ya, w = d < 1e-9 && d > -1e-9 ? -1 : (y - ya) / d;
+      if (w >= 0 && w <= 1) take(a.left + (b.left - a.left) * w, a.right + (b.right - a.right) * w);
+    };
+    between(a.top, b.top), between(a.bottom, b.bottom);
+    x0 = clipped(left, camera_.width);
+    x1 = right < 0 ? -1 : std::min(x1, clipped(right, camera_.width));
+  }
+
   void draw_part(int number) {
     const RoundPart& part = this->part(first_part_ + number);
     Round& round = rounds_[static_cast<std::size_t>(number)];
@@ -176,24 +210,12 @@ class Rasterizer {
     const double widest = std::max({1.0, part.stretch_x, part.stretch_y});
     const double ra = part.radius0 * widest, rb = part.radius1 * widest;
     if (a.z + ra < 0.1 && b.z + rb < 0.1) return;
-    int x0 = 0, x1 = camera_.width - 1, y0 = 0, y1 = camera_.height - 1;
-    if (a.z - ra > 0.1 && b.z - rb > 0.1) {  // bounds of the two end spheres
-      double left = 1e9, right = -1e9, low = 1e9, high = -1e9;
-      const auto grow = [&](Vec3 c, double r) {
-        const double near = c.z - r, far = c.z + r;
-        for (const double z : {near, far}) {
-          left = std::min(left, (c.x - r) / z), right = std::max(right, (c.x + r) / z);
-          low = std::min(low, (c.y - r) / z), high = std::max(high, (c.y + r) / z);
-        }
-      };
-      grow(a, ra), grow(b, rb);
-      const auto bound = [](double value, int limit) {
-        return static_cast<int>(std::min<double>(limit, std::max(-1.0, value)));
-      };
-      x0 = std::max(0, bound(left * camera_.fx - shift_x_ - 1, camera_.width));
-      x1 = std::min(x1, bound(right * camera_.fx - shift_x_ + 1, camera_.width));
-      y0 = std::max(0, bound(low * camera_.fy - shift_y_ - 1, camera_.height));
-      y1 = std::min(y1, bound(high * camera_.fy - shift_y_ + 1, camera_.height));
+    const bool bounded = a.z - ra > 0.1 && b.z - rb > 0.1;
+    const Box end0 = bounded ? bounds(a, ra) : Box{}, end1 = bounded ? bounds(b, rb) : Box{};
+    int y0 = 0, y1 = camera_.height - 1;
+    if (bounded) {
+      y0 = clipped(std::min(end0.top, end1.top), camera_.height);
+      y1 = std::min(y1, clipped(std::max(end0.bottom, end1.bottom), camera_.height));
     }
     const Vec3 axes[3] = {part.frame.x * (1 / part.stretch_x), part.frame.y * (1 / part.stretch_y),
                           part.frame.z};
@@ -212,6 +234,9 @@ class Rasterizer {
     const auto c2 = static_cast<float>(round.cosine2), base = static_cast<float>(round.depth0);
     const float z_low = radius0 * s, z_high = length + radius1 * s;
     for (int y = y0; y <= y1; ++y) {
+      int x0 = 0, x1 = camera_.width - 1;
+      if (bounded) span(end0, end1, y, x0, x1);
+      if (x0 > x1) continue;
       float o0[3], ox[3], d0[3], dx[3];
       for (int i = 0; i < 3; ++i) {
         o0[i] = static_cast<float>(round.start[i].y * y + round.start[i].c);

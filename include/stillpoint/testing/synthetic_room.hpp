@@ -65,7 +65,7 @@ inline RoomPlan build_room(StaticScene& scene, std::uint64_t seed) {
 
   // Furniture along a wall: `f` in the middle of the wall's foot, facing the room.
   const auto furnish_wall = [&](const Frame& f, double wide, double deepest) {
-    make.box(moved(f, {0, -0.008, 0}), {wide, 0.016, 0.09}, make.door_texture(), 300);
+    make.box(moved(f, {0, -0.008, 0}), {wide, 0.016, 0.09}, make.oak_texture(), 300);
     for (double x = -wide / 2 + 0.15; x < wide / 2 - 0.5;) {
       const double left = wide / 2 - 0.1 - x, depth = std::min(deepest, random.range(0.28, 0.5));
       const int kind = random.below(6);
@@ -103,14 +103,14 @@ inline RoomPlan build_room(StaticScene& scene, std::uint64_t seed) {
   furnish_wall(placed(-room.half_x, middle, 0, 1), length - 0.6, 0.5);
 
   // A low table.
-  make.box(placed(0.2, -0.62, 0.47), {1.1, 0.42, 0.03}, make.door_texture(), 300);
+  make.box(placed(0.2, -0.62, 0.47), {1.1, 0.42, 0.03}, make.oak_texture(), 300);
   for (const double side : {-1.0, 1.0})
-    make.box(placed(0.2 + 0.5 * side, -0.62, 0), {0.04, 0.38, 0.47}, make.door_texture());
+    make.box(placed(0.2 + 0.5 * side, -0.62, 0), {0.04, 0.38, 0.47}, make.oak_texture());
   make.clutter(placed(0.2, -0.55, 0.5), 1.05, 0.24, 0.4);
 
   // The island with monitors, back and front, and chairs around.
   make.desk(placed(0, 0.72, 0), 1.8, 0.7, 3);
-  plan.seats = {placed(1.15, -1.0, 0, 0.35), placed(-1.25, 0.75, 0, 1.15),
+  plan.seats = {placed(1.15, -1.0, 0, -0.5), placed(-1.25, 0.75, 0, 1.15),
                 placed(1.25, 0.75, 0, -1.15)};
   for (const Frame& seat : plan.seats) make.chair(seat);
 

@@ -15,66 +15,10 @@
 #include "stillpoint/testing/synthetic_depth.hpp"
 #include "stillpoint/testing/synthetic_movers.hpp"
 #include "stillpoint/testing/synthetic_people.hpp"
+#include "stillpoint/testing/synthetic_settings.hpp"
 #include "stillpoint/testing/synthetic_shading.hpp"
 
 namespace stillpoint {
-
-/// What is filmed, and how. The room and the camera's path depend on `motion`, `seed` and the
-/// frame rate alone, never on people or movers, so that sequences with and without people can be
-/// compared.
-struct SyntheticSettings {
-  SyntheticMotion motion = SyntheticMotion::kXyz;
-  /// 0 to 20.
-  int people = 2;
-  /// People sit on chairs or stand, and hardly move.
-  bool seated = false;
-  /// Every second walking person carries a carton.
-  bool carried_object = true;
-  /// 0 = none, 1 = a pushed carton, 2 = also a swinging door.
-  int movers = 0;
-  /// 0 = 150, or the whole way for SyntheticMotion::kLoop.
-  int frames = 0;
-  double fps = 30;
-  /// Exposure time; 0 = no motion blur. Timestamps are mid-exposure.
-  double shutter_s = 0.025;
-  int width = 640, height = 480;
-  std::uint64_t seed = 1;
-  /// Timestamp of the first frame.
-  double start_s = 1300000000.0;
-  /// Deviation of the color camera's noise at middle grey, in steps of 8 bits.
-  double color_noise = 1.6;
-  KinectNoise depth_noise;
-};
-
-/// Motion blur of one label of a frame.
-struct SyntheticBlur {
-  /// 0 = the static world.
-  int label = 0;
-  /// Visible pixels at mid-exposure.
-  int pixels = 0;
-  /// Mean way of these pixels across the picture during the exposure.
-  double blur_px = 0;
-};
-
-struct SyntheticFrame {
-  /// Seconds, mid-exposure, rounded to microseconds.
-  double timestamp = 0;
-  /// Maps points from camera coordinates (x right, y down, z forward) to the world, metres.
-  Eigen::Isometry3d T_world_camera = Eigen::Isometry3d::Identity();
-  /// H x W, CV_8UC3 (BGR), blurred over the exposure.
-  cv::Mat color;
-  /// H x W, CV_16UC1, `depth_units_per_m` of SyntheticSequence::camera(), as a Kinect measures it.
-  cv::Mat depth;
-  /// H x W, CV_32FC1, exact metres along the optical axis at mid-exposure.
-  cv::Mat exact_depth;
-  /// H x W, CV_8UC1, exact at mid-exposure: 0 = static, 1.. = people (with what they carry),
-  /// 101.. = movers.
-  cv::Mat labels;
-  /// H x W, CV_8UC1: which limb of a person (synthetic::Limb), 0 elsewhere.
-  cv::Mat limbs;
-  /// The static world first, then everything visible that moves, by label.
-  std::vector<SyntheticBlur> blur;
-};
 
 /// A deterministic RGB-D sequence with known poses, labels and blur. Each frame depends on the
 /// settings and its number alone: frames may be rendered in any order and in many threads.
@@ -88,7 +32,7 @@ class SyntheticSequence {
   /// Builds the room, paints the textures and makes the light: under a second, about 40 MB. Throws
   /// Error for settings out of range.
   explicit SyntheticSequence(const SyntheticSettings& settings)
-      : settings_(checked(settings)),
+      : settings_(synthetic::checked_settings(settings)),
         path_(settings.motion, settings.seed),
         plan_(synthetic::build_room(scene_, settings.seed)),
         people_(scene_, plan_, settings.people, settings.seated, settings.carried_object,
@@ -106,10 +50,10 @@ class SyntheticSequence {
   const Camera& camera() const { return camera_; }
   int frame_count() const { return settings_.frames; }
 
-  /// Mid-exposure time of a frame, seconds, rounded to microseconds.
-  double timestamp(int index) const {
-    return settings_.start_s + std::floor(1e6 * index / settings_.fps + 0.5) * 1e-6;
-  }
+  /// Time of a frame since the first, rounded to microseconds.
+  double seconds(int index) const { return std::floor(1e6 * index / settings_.fps + 0.5) * 1e-6; }
+  /// Mid-exposure timestamp of a frame.
+  double timestamp(int index) const { return settings_.start_s + seconds(index); }
   /// Pose at `t_s` seconds after the first frame.
   Eigen::Isometry3d T_world_camera(double t_s) const {
     return synthetic::to_isometry(path_.at(t_s));
@@ -124,7 +68,6 @@ class SyntheticSequence {
   double expected_blur_px(int label, int index) const;
 
  private:
-  static SyntheticSettings checked(SyntheticSettings s);
   /// Whether the view moves to the left in the first seconds: the nearest people then walk to the
   /// left too, as if followed, which is what a static SLAM withstands least.
   bool pans_left() const {
@@ -134,7 +77,6 @@ class SyntheticSequence {
     };
     return aim(1.5) < aim(0.3);
   }
-  double seconds(int index) const { return std::floor(1e6 * index / settings_.fps + 0.5) * 1e-6; }
   synthetic::MovingThings things(double t_s) const {
     synthetic::MovingThings out;
     people_.append(t_s, scene_.textures, out);
@@ -178,27 +120,6 @@ class SyntheticSequence {
 };
 
 // ---------------------------------------------------------------------------------------------
-
-inline SyntheticSettings SyntheticSequence::checked(SyntheticSettings s) {
-  const auto in_range = [](const char* name, double value, double low, double high) {
-    detail::check(value >= low && value <= high, [&] {
-      return std::string("SyntheticSettings.") + name + ": expected " + std::to_string(low) +
-             " to " + std::to_string(high) + ", found " + std::to_string(value);
-    });
-  };
-  in_range("people", s.people, 0, s.movers > 0 ? 18 : synthetic::kMostPeople);
-  in_range("movers", s.movers, 0, synthetic::kMostMovers);
-  in_range("frames", s.frames, 0, 1e6);
-  in_range("fps", s.fps, 1, 1000);
-  in_range("shutter_s", s.shutter_s, 0, 1 / s.fps * 1.5);
-  in_range("width", s.width, 32, 8192);
-  in_range("height", s.height, 24, 8192);
-  if (s.frames == 0)
-    s.frames = s.motion == SyntheticMotion::kLoop
-                   ? static_cast<int>(synthetic::CameraPath::loop_duration_s() * s.fps) + 1
-                   : 150;
-  return s;
-}
 
 inline SyntheticFrame SyntheticSequence::frame(int index) const {
   detail::check(index >= 0 && index < settings_.frames, [&] {

@@ -47,7 +47,7 @@ class Shader {
   }
 
   static int level_for(const Texture& texture, float texels_per_pixel, float dither) {
-    const float wanted = rough_log2(std::max(texels_per_pixel, 1e-3f)) - 0.8f + dither;
+    const float wanted = rough_log2(std::max(texels_per_pixel, 1e-3f)) - 0.6f + dither;
     return wanted <= 0 ? 0 : std::min(texture.level_count() - 1, static_cast<int>(wanted));
   }
 

@@ -142,12 +142,10 @@ inline SyntheticSummary write_synthetic_sequence(const std::string& folder,
     const int steps = std::max(1, static_cast<int>(200 / s.fps + 0.5));
     char text[200];
     Eigen::Quaterniond last = Eigen::Quaterniond::Identity();
-    for (int i = 0; i < n * steps; ++i) {
-      if (i > (n - 1) * steps) break;
-      const double t = i % steps == 0
-                           ? sequence.timestamp(i / steps)
-                           : s.start_s + std::floor(1e6 * i / (s.fps * steps) + 0.5) * 1e-6;
-      const Eigen::Isometry3d T = sequence.T_world_camera(t - s.start_s);
+    for (int i = 0; i <= (n - 1) * steps; ++i) {
+      const double after = std::floor(1e6 * (i % steps) / (s.fps * steps) + 0.5) * 1e-6;
+      const Eigen::Isometry3d T = sequence.T_world_camera(sequence.seconds(i / steps) + after);
+      const double t = sequence.timestamp(i / steps) + after;
       Eigen::Quaterniond q(T.linear());
       q.normalize();
       if (i == 0 ? q.w() < 0 : q.dot(last) < 0) q.coeffs() = -q.coeffs();
