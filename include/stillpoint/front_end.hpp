@@ -97,6 +97,7 @@ class BasicFrontEnd {
       const std::optional<Eigen::Isometry3d>& T_current_last = std::nullopt) {
     const Clock::time_point start = Clock::now();
     stats_.segmenter_error.clear();
+    check_frame(frame);
     std::uint32_t failed = kOk;
     if (segmenter_) {
       try {
@@ -105,6 +106,10 @@ class BasicFrontEnd {
       } catch (const std::exception& error) {
         segmented_ = Segmentation();
         stats_.segmenter_error = error.what();
+        failed = kSegmenterFailed;
+      } catch (...) {
+        segmented_ = Segmentation();
+        stats_.segmenter_error = "an exception that is not a std::exception";
         failed = kSegmenterFailed;
       }
     } else {
