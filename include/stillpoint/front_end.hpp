@@ -20,6 +20,7 @@
 #include "stillpoint/depth/depth_mask_fuser.hpp"
 #include "stillpoint/keypoints/grid_neighbor_search.hpp"
 #include "stillpoint/keypoints/probabilistic_keypoint_filter.hpp"
+#include "stillpoint/motion/motion_check.hpp"
 #include "stillpoint/segmentation/segmentation_compensator.hpp"
 #include "stillpoint/segmentation/segmenter.hpp"
 
@@ -30,14 +31,25 @@ struct FrontEndSettings {
   SegmentationCompensatorSettings compensation;
   DepthMaskFuserSettings depth;
   KeypointFilterSettings probability;
+  MotionCheckSettings motion;
   bool use_compensation = true;
   bool use_depth = true;
   bool use_probability = true;
+  /// Beyond the paper: find what moves though no segmenter names it. Needs depth and a host that
+  /// predicts its motion and calls correct_pose().
+  bool use_motion = false;
   /// Instances of other classes are taken for static. Objects without a class are always dynamic.
   std::vector<std::string> dynamic_classes{"person"};
   /// A mask over this share of the picture is reported as kMaskTooLarge (and still used: the floor
   /// of kept keypoints protects the tracker).
   double large_mask_share = 0.9;
+
+  /// The default with the motion check: for movers without a name, or no segmenter at all.
+  static FrontEndSettings with_motion() {
+    FrontEndSettings settings;
+    settings.use_motion = true;
+    return settings;
+  }
 
   /// The literal method of the paper, for ablation and reproduction.
   static FrontEndSettings paper() {
@@ -56,9 +68,11 @@ struct FrameStats {
   std::uint32_t status = kOk;
   /// Message of the exception that the segmenter threw; empty if it did not.
   std::string segmenter_error;
-  double segmentation_ms = 0, compensation_ms = 0, depth_ms = 0, probability_ms = 0;
+  double segmentation_ms = 0, motion_ms = 0, compensation_ms = 0, depth_ms = 0, probability_ms = 0;
   /// Instances of dynamic classes after compensation, and how many of them were restored.
   int instances = 0, restored = 0;
+  /// Instances that the motion check found.
+  int moving = 0;
   /// Share of the picture in the final mask, 0 to 1.
   double mask_share = 0;
   /// Age of the newest segmentation in the mask, seconds.
@@ -83,6 +97,7 @@ class BasicFrontEnd {
                          Segmenter* segmenter = nullptr)
       : settings_(settings),
         segmenter_(segmenter),
+        motion_(settings.motion, camera),
         compensator_(settings.compensation, camera),
         fuser_(settings.depth, camera),
         filter_(settings.probability) {}
@@ -133,6 +148,12 @@ class BasicFrontEnd {
     return mask();
   }
 
+  /// Tells the pose that the host tracked for the last frame; only the motion check uses it. The
+  /// origin is the host's own; a jump (loop closing, relocalisation) is noticed.
+  void correct_pose(const Eigen::Isometry3d& T_world_camera) {
+    if (settings_.use_motion) motion_.correct(T_world_camera);
+  }
+
   /// Judges the host's keypoints against the last mask; see ProbabilisticKeypointFilter::filter().
   template <class Keypoints>
   const Selection& select(const Keypoints& keypoints) {
@@ -181,7 +202,11 @@ class BasicFrontEnd {
     keep_dynamic(segmentation);
 
     Clock::time_point start = Clock::now();
-    const Segmentation* instances = &dynamic_;
+    if (settings_.use_motion) find_movers(frame, T_current_last);
+    stats_.motion_ms = milliseconds_since(start);
+
+    start = Clock::now();
+    const Segmentation* instances = &dynamic_;  // the segmenter's and the movers
     if (settings_.use_compensation) instances = &compensator_.mend(frame, dynamic_, T_current_last);
     stats_.compensation_ms = milliseconds_since(start);
 
@@ -191,6 +216,12 @@ class BasicFrontEnd {
       compensator_.remember(
           frame, settings_.compensation.use_depth ? fuser_.instances() : instances->instances);
     stats_.depth_ms = milliseconds_since(start);
+
+    if (settings_.use_motion) {
+      start = Clock::now();
+      motion_.remember(fuser_.undilated());
+      stats_.motion_ms += milliseconds_since(start);
+    }
 
     mask_.image = fused.image;
     mask_.timestamp = frame.timestamp;
@@ -209,6 +240,12 @@ class BasicFrontEnd {
             std::find(classes.begin(), classes.end(), s.class_name) != classes.end())
           dynamic_.instances.push_back(s);
     raw_instances_ = dynamic_.instances;
+  }
+
+  void find_movers(const RgbdFrame& frame, const std::optional<Eigen::Isometry3d>& T_current_last) {
+    const std::vector<Instance>& movers = motion_.find(frame, T_current_last);
+    stats_.moving = static_cast<int>(movers.size());
+    dynamic_.instances.insert(dynamic_.instances.end(), movers.begin(), movers.end());
   }
 
   void report(const RgbdFrame& frame, std::size_t instances) {
@@ -231,6 +268,7 @@ class BasicFrontEnd {
 
   Settings settings_;
   Segmenter* segmenter_;
+  MotionCheck motion_;
   SegmentationCompensator compensator_;
   DepthMaskFuser fuser_;
   ProbabilisticKeypointFilter<NeighborSearch> filter_;

@@ -30,7 +30,8 @@ struct Instance {
 /// What a segmenter says of one frame.
 struct Segmentation {
   /// False: no result for this frame (the network did not run); masks are predicted from earlier
-  /// ones. True with no instances: the network ran and saw nobody.
+  /// ones, and `instances` holds at most what was found without it. True with no instances: the
+  /// network ran and saw nobody.
   bool available = false;
   /// Timestamp of the frame that was segmented, seconds.
   double timestamp = 0;

@@ -68,10 +68,8 @@ class SegmentationCompensator {
     begin(frame, segmentation);
     for (RememberedObject& object : objects_)
       object.predict(frame.timestamp, camera_, T_current_last, max_speed_px(object, size));
-    if (segmentation.available) {
-      newest_result_s_ = frame.timestamp;
-      associate(size);
-    }
+    if (segmentation.available) newest_result_s_ = frame.timestamp;
+    associate(size);
     const bool look = settings_.trigger == Settings::Trigger::kPerObject ||
                       !segmentation.available || area_dropped();
     for (std::size_t j = 0; j < objects_.size(); ++j) judge(frame, j, look);
@@ -139,9 +137,8 @@ class SegmentationCompensator {
     output_.available = segmentation.available;
     output_.timestamp = frame.timestamp;
     output_.instances.clear();
-    if (segmentation.available)
-      output_.instances.insert(output_.instances.end(), segmentation.instances.begin(),
-                               segmentation.instances.end());
+    output_.instances.insert(output_.instances.end(), segmentation.instances.begin(),
+                             segmentation.instances.end());
     given_ = output_.instances.size();
     owner_.assign(given_, -1);
     instance_of_.assign(objects_.size(), -1);

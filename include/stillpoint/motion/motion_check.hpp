@@ -1,0 +1,252 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <opencv2/core.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "stillpoint/core/camera.hpp"
+#include "stillpoint/core/depth_view.hpp"
+#include "stillpoint/core/error.hpp"
+#include "stillpoint/core/frame.hpp"
+#include "stillpoint/core/instance.hpp"
+#include "stillpoint/motion/coarse_frame.hpp"
+#include "stillpoint/motion/free_space_memory.hpp"
+
+namespace stillpoint {
+
+/// Settings of MotionCheck.
+struct MotionCheckSettings {
+  /// Side of a cell.
+  int block_px = 8;
+  /// Least number of cells, and least area, that must stand in space that was seen to be free
+  /// before a region counts as moved.
+  int min_moved_cells = 6;
+  double min_moved_area_m2 = 0.02;
+  /// Least share of such cells in the region grown from them.
+  double min_moved_share = 0.2;
+  /// How far the region grows from them over connected depth.
+  double growth_m = 0.35;
+  /// A motion of the camera between two frames beyond these is taken for a cut, and the memory is
+  /// dropped.
+  double max_step_m = 0.5;
+  double max_turn_deg = 30;
+
+  /// Throws Error if a setting makes no sense.
+  void check() const {
+    const auto fail = [](const char* name, const char* expected, double found) {
+      throw Error(std::string("MotionCheckSettings.") + name + ": expected " + expected +
+                  ", found " + std::to_string(found));
+    };
+    if (block_px < 2 || block_px > 64 || block_px % 2)
+      fail("block_px", "an even number, 2 to 64", block_px);
+    if (min_moved_cells < 1) fail("min_moved_cells", "at least 1", min_moved_cells);
+    if (!(min_moved_area_m2 >= 0)) fail("min_moved_area_m2", "at least 0", min_moved_area_m2);
+    if (!(min_moved_share >= 0 && min_moved_share <= 1))
+      fail("min_moved_share", "0 to 1", min_moved_share);
+    if (!(growth_m >= 0)) fail("growth_m", "at least 0", growth_m);
+    if (!(max_step_m > 0)) fail("max_step_m", "more than 0", max_step_m);
+    if (!(max_turn_deg > 0)) fail("max_turn_deg", "more than 0", max_turn_deg);
+  }
+};
+
+/// Finds what moves against the static world, without a network: whatever stands where earlier
+/// frames looked through has moved there.
+///
+/// It keeps the coarse depth of the last 1.7 s with the camera's poses. Each cell of the new frame
+/// is carried into some of these frames, 0.1 to 1.6 s old: if free space was seen there, the cell
+/// has moved; if the same surface was there, it is static; else nothing is said ("unknown" is never
+/// "dynamic"). Cells on depth edges and without depth say nothing. Moved cells that hang together
+/// grow over connected depth, never into static cells, and become instances without a class.
+/// The long base finds slow movers, the depth finds those without texture, and blur does no harm.
+///
+/// It needs depth, and the camera's motion: the host's prediction for the new frame, and its pose
+/// of the last one (correct()). Without a prediction nothing is found in that frame. Memory:
+/// about 4 MB. Cost: O(cells x 6 + pixels / 4). Not thread-safe; one object per camera.
+class MotionCheck {
+ public:
+  using Settings = MotionCheckSettings;
+
+  explicit MotionCheck(const Settings& settings = {}, const Camera& camera = {})
+      : settings_(settings), camera_(camera) {
+    settings.check();
+  }
+
+  const Settings& settings() const { return settings_; }
+
+  /// Finds the movers of a frame. `T_current_last` maps points of the last frame's camera into this
+  /// one's. The reference and the masks stay valid until the next call. Call remember() afterwards.
+  const std::vector<Instance>& find(const RgbdFrame& frame,
+                                    const std::optional<Eigen::Isometry3d>& T_current_last) {
+    check_frame(frame);
+    found_.clear();
+    judged_ = false;
+    view_.set(frame, camera_);
+    if (frame.timestamp <= last_s_ || (T_current_last && is_cut(*T_current_last)) ||
+        (!T_current_last && !memory_.empty()))
+      reset();
+    last_s_ = frame.timestamp;
+    if (view_.empty()) return found_;
+    size_ = frame.color.size();
+    if (T_current_last) {
+      T_world_camera_ = T_world_camera_ * T_current_last->inverse();
+      // Products of many rotations must stay a rotation.
+      T_world_camera_.linear() =
+          Eigen::Quaterniond(T_world_camera_.linear()).normalized().toRotationMatrix();
+    }
+    current_.set(frame, view_, settings_.block_px);
+    judged_ = true;
+    memory_.judge(frame.timestamp, T_world_camera_, current_, evidence_);
+    grow();
+    return found_;
+  }
+
+  /// Tells the true motion of the last frame, once the host has tracked it: T_current_last as in
+  /// find(), but measured. Call it before remember() or any time before the next find().
+  void correct(const Eigen::Isometry3d& T_world_camera) {
+    if (!judged_) return;
+    if (host_pose_) {
+      const Eigen::Isometry3d step = host_pose_->inverse() * T_world_camera;
+      if (is_cut(step)) {
+        reset();  // the host relocalised or closed a loop
+      } else {
+        T_world_camera_ = last_pose_ * step;
+        T_world_camera_.linear() =
+            Eigen::Quaterniond(T_world_camera_.linear()).normalized().toRotationMatrix();
+        memory_.set_newest_pose(T_world_camera_);
+      }
+    }
+    host_pose_ = T_world_camera;
+    last_pose_ = T_world_camera_;
+  }
+
+  /// Remembers the last frame of find(): `dynamic`, CV_8UC1 of the frame's size, 255 = dynamic, is
+  /// what was taken for dynamic in it (before dilation); such cells never speak for "static".
+  void remember(const cv::Mat& dynamic) {
+    if (!judged_) return;
+    detail::check(dynamic.type() == CV_8UC1 && dynamic.size() == size_, [&] {
+      return "MotionCheck::remember: expected CV_8UC1 of the frame's size, found " +
+             detail::type_text(dynamic) + " " + detail::size_text(dynamic);
+    });
+    const int b = settings_.block_px;
+    dynamic_.assign(current_.size(), 0);
+    for (int y = 0; y < current_.height; ++y)
+      for (int k = b / 4; k < b; k += b / 2) {
+        const uchar* row = dynamic.ptr<uchar>(y * b + k);
+        for (int x = 0; x < current_.width; ++x)
+          dynamic_[current_.index(x, y)] |=
+              static_cast<std::uint8_t>((row[x * b + b / 4] | row[x * b + b / 4 + b / 2]) != 0);
+      }
+    memory_.add(last_s_, T_world_camera_, current_, dynamic_);
+  }
+
+  /// Forgets everything (a cut in the sequence).
+  void reset() {
+    memory_.clear();
+    T_world_camera_ = last_pose_ = Eigen::Isometry3d::Identity();
+    host_pose_.reset();
+  }
+
+ private:
+  enum State : std::uint8_t { kFree, kTaken };
+
+  bool is_cut(const Eigen::Isometry3d& T) const {
+    return !(T.translation().norm() < settings_.max_step_m &&
+             Eigen::AngleAxisd(T.linear()).angle() * 180 / 3.14159265358979 <
+                 settings_.max_turn_deg);
+  }
+
+  // Moved cells that hang together, and the connected cells around them.
+  void grow() {
+    state_.assign(current_.size(), kFree);
+    for (int y = 0; y < current_.height; ++y)
+      for (int x = 0; x < current_.width; ++x) {
+        const std::size_t i = current_.index(x, y);
+        if (evidence_[i] != CellEvidence::kMoved || state_[i] != kFree) continue;
+        collect(x, y);
+      }
+  }
+
+  struct Visit {
+    int x, y, distance;
+  };
+
+  void collect(int x0, int y0) {
+    queue_.clear();
+    state_[current_.index(x0, y0)] = kTaken;
+    queue_.push_back({x0, y0, 0});
+    int moved = 0;
+    double area = 0;
+    cv::Rect box(x0, y0, 1, 1);
+    for (std::size_t k = 0; k < queue_.size(); ++k) {
+      const Visit visit = queue_[k];
+      const std::size_t i = current_.index(visit.x, visit.y);
+      const float z = current_.depth_m[i];
+      if (evidence_[i] == CellEvidence::kMoved) {
+        ++moved;
+        area += static_cast<double>(z) * z / (current_.fx * current_.fy);
+      }
+      box |= cv::Rect(visit.x, visit.y, 1, 1);
+      const int reach = static_cast<int>(settings_.growth_m * current_.fx / z);
+      static constexpr int kNext[4][2] = {{-1, 0}, {1, 0}, {0, -1}, {0, 1}};
+      for (const auto& next : kNext) {
+        const int x = visit.x + next[0], y = visit.y + next[1];
+        if (x < 0 || y < 0 || x >= current_.width || y >= current_.height) continue;
+        const std::size_t j = current_.index(x, y);
+        const float zj = current_.depth_m[j];
+        if (state_[j] != kFree || zj <= 0 || evidence_[j] == CellEvidence::kStatic) continue;
+        if (std::abs(zj - z) > 0.03f + 0.025f * z) continue;
+        const int distance = evidence_[j] == CellEvidence::kMoved ? 0 : visit.distance + 1;
+        if (distance > reach) continue;
+        state_[j] = kTaken;
+        queue_.push_back({x, y, distance});
+      }
+    }
+    if (moved < settings_.min_moved_cells || area < settings_.min_moved_area_m2 ||
+        moved < settings_.min_moved_share * static_cast<double>(queue_.size()))
+      return;
+    add_instance(box);
+  }
+
+  void add_instance(const cv::Rect& cells) {
+    const int b = settings_.block_px;
+    if (buffers_.size() <= found_.size()) buffers_.resize(found_.size() + 1);
+    std::vector<uchar>& buffer = buffers_[found_.size()];
+    found_.emplace_back();
+    Instance& instance = found_.back();
+    instance.class_name.clear();
+    instance.box = cv::Rect(cells.x * b, cells.y * b, cells.width * b, cells.height * b);
+    buffer.assign(static_cast<std::size_t>(instance.box.area()), 0);
+    instance.mask = cv::Mat(instance.box.size(), CV_8UC1, buffer.data());
+    for (const Visit& v : queue_)
+      for (int y = 0; y < b; ++y)
+        std::fill_n(instance.mask.ptr<uchar>((v.y - cells.y) * b + y) + (v.x - cells.x) * b, b,
+                    uchar{255});
+  }
+
+  Settings settings_;
+  Camera camera_;
+  DepthView view_;
+  cv::Size size_;
+  CoarseFrame current_;
+  FreeSpaceMemory memory_;
+  std::vector<CellEvidence> evidence_;
+  Eigen::Isometry3d T_world_camera_ = Eigen::Isometry3d::Identity();
+  Eigen::Isometry3d last_pose_ = Eigen::Isometry3d::Identity();  // at the host's last pose
+  std::optional<Eigen::Isometry3d> host_pose_;
+  double last_s_ = -1e300;
+  bool judged_ = false;
+  std::vector<State> state_;
+  std::vector<Visit> queue_;
+  std::vector<std::uint8_t> dynamic_;
+  std::vector<Instance> found_;
+  std::vector<std::vector<uchar>> buffers_;
+};
+
+}  // namespace stillpoint
