@@ -321,13 +321,6 @@ TEST(SegmentationCompensator, SaysThatNothingWasEverSegmented) {
   EXPECT_NEAR(show.compensator.age_s(), 0.1, 1e-6);
 }
 
-TEST(SegmentationCompensator, IgnoresInstancesWithoutAResult) {
-  Show show;
-  Segmentation wrong = result({box_instance({10, 10, 50, 50}, show.scene.size)});
-  wrong.available = false;
-  EXPECT_TRUE(show.compensator.compensate(show.scene.frame(kStart, {}), wrong).instances.empty());
-}
-
 TEST(SegmentationCompensator, CameraMotionCarriesObjects) {
   // The camera turns left by 6 degrees: everything moves 27 pixels to the right.
   const Walker before{100, 80, 0, 0};

@@ -12,6 +12,7 @@
 #include "stillpoint/core/config.hpp"
 #include "stillpoint/core/depth_view.hpp"
 #include "stillpoint/core/instance.hpp"
+#include "stillpoint/core/scratch.hpp"
 #include "stillpoint/depth/depth_mask_fuser_settings.hpp"
 #include "stillpoint/depth/dilate.hpp"
 #include "stillpoint/depth/floor_plane.hpp"
@@ -110,7 +111,7 @@ class InstanceRegion {
     cells_ =
         samples_.cells_of(grow_rect(instance.box, bare ? cell : (reach + 1) * cell, depth.size()));
     z_.resize(std::max(z_.size(), static_cast<std::size_t>(cells_.area())));
-    state_.assign(static_cast<std::size_t>(cells_.area()), kUnknown);
+    detail::refill(state_, static_cast<std::size_t>(cells_.area()), kUnknown);
     queue_.clear();
     used_ = samples_.cells_of(instance.box) - cells_.tl();
     seed_core(depth, instance);
@@ -299,7 +300,7 @@ class InstanceRegion {
   // its.
   void claim_unmeasured_rim(const DepthView& depth, cv::Mat& out) {
     const std::size_t w = static_cast<std::size_t>(out.cols);
-    for (auto& row : rim_rows_) row.assign(w, 0);
+    for (auto& row : rim_rows_) detail::refill(row, w, uchar{0});
     // Rows are widened before they are written: the rim does not grow on itself.
     widen_row(out.ptr<uchar>(0), w, rim_rows_[1].data());
     for (int y = 0; y < out.rows; ++y) {

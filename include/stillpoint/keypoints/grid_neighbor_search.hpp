@@ -6,6 +6,8 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
+#include "stillpoint/core/scratch.hpp"
+
 namespace stillpoint {
 
 /// True if `b` lies within `radius` of `a` (inclusive): the one definition of "neighbor" that every
@@ -48,7 +50,8 @@ class GridNeighborSearch {
     per_cell_ = 1 / cell_;
     columns_ = static_cast<int>(width * per_cell_) + 1;
     rows_ = static_cast<int>(height * per_cell_) + 1;
-    start_.assign(static_cast<std::size_t>(columns_) * rows_ + 1, 0);
+    detail::refill(start_, static_cast<std::size_t>(columns_) * static_cast<std::size_t>(rows_) + 1,
+                   0);
     cell_of_.resize(n);
     for (std::size_t i = 0; i < n; ++i) {
       cell_of_[i] = row(points[i].y) * columns_ + column(points[i].x);
@@ -57,7 +60,8 @@ class GridNeighborSearch {
     for (std::size_t c = 1; c < start_.size(); ++c) start_[c] += start_[c - 1];
     // Points of a cell, and cells of a row, lie together in memory.
     x_.resize(n), y_.resize(n), index_.resize(n);
-    next_.assign(start_.begin(), start_.end());
+    next_.resize(start_.size());
+    std::copy(start_.begin(), start_.end(), next_.begin());
     for (std::size_t i = 0; i < n; ++i) {
       const std::size_t at =
           static_cast<std::size_t>(next_[static_cast<std::size_t>(cell_of_[i])]++);

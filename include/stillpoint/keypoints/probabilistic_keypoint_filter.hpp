@@ -13,6 +13,7 @@
 #include "stillpoint/core/frame.hpp"
 #include "stillpoint/core/keypoint.hpp"
 #include "stillpoint/core/mask.hpp"
+#include "stillpoint/core/scratch.hpp"
 #include "stillpoint/core/selection.hpp"
 #include "stillpoint/core/status.hpp"
 #include "stillpoint/keypoints/grid_neighbor_search.hpp"
@@ -177,7 +178,8 @@ class ProbabilisticKeypointFilter {
     top_ = min_y_ - static_cast<float>(steps) * cell;
     columns_ = static_cast<int>((max_x_ - left_) * per_cell_) + steps + 2;
     rows_ = static_cast<int>((max_y_ - top_) * per_cell_) + steps + 2;
-    near_.assign(static_cast<std::size_t>(columns_) * static_cast<std::size_t>(rows_), 0);
+    detail::refill(near_, static_cast<std::size_t>(columns_) * static_cast<std::size_t>(rows_),
+                   std::uint8_t{0});
     for (const cv::Point2f& p : dynamic_points_) near_[cell_index(p)] = 1;
     // Widen by `steps` cells: rows first, then columns.
     near_row_.resize(static_cast<std::size_t>(std::max(columns_, rows_)));
