@@ -49,6 +49,7 @@ void run_one(const BenchJob& job, const Json& key, const fs::path& out, Progress
     outputs.overlay_stems =
         frames_to_show(job, job.masks_folder.empty() ? "masks" : job.masks_folder);
     fs::remove_all(outputs.overlays_dir);
+    outputs.map_views_dir = base.string() + ".map";
   }
   Json result;
   result["job"] = key;
@@ -64,6 +65,9 @@ void run_one(const BenchJob& job, const Json& key, const fs::path& out, Progress
     result["overlays"] = Json::array();
     for (const std::string& stem : outputs.overlay_stems)
       result["overlays"].push_back(outputs.overlays_dir.filename().string() + "/" + stem + ".jpg");
+    for (const char* name : {"behind", "above"})
+      result["map_views"].push_back(outputs.map_views_dir.filename().string() + "/" + name +
+                                    ".jpg");
   }
   write_json(file, result);
 }

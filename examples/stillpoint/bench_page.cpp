@@ -19,6 +19,7 @@ body { font: 15px/1.5 system-ui, sans-serif; color: #222; background: #fff; marg
        max-width: 1120px; padding: 24px; }
 h1 { font-size: 26px; margin: 0 0 4px; } h2 { font-size: 20px; margin: 40px 0 8px;
        border-top: 2px solid #ddd; padding-top: 20px; } h3 { font-size: 16px; margin: 24px 0 6px; }
+h4 { font-size: 14px; margin: 12px 0 4px; color: #444; }
 p, li { max-width: 860px; } .note { color: #555; font-size: 13px; }
 .scroll { overflow-x: auto; }
 table { border-collapse: collapse; font-size: 13px; font-variant-numeric: tabular-nums; }
@@ -99,7 +100,7 @@ std::string detail_table(const std::vector<const Json*>& rows) {
       "<th class=\"group\" colspan=\"3\">final masks</th>"
       "<th class=\"group\" colspan=\"2\">IoU on blurred</th>"
       "<th class=\"group\" colspan=\"4\">removed keypoints</th>"
-      "<th rowspan=\"2\">memory<br>MB</th>",
+
       {"IoU", "recall", "precision", "IoU", "recall", "precision", "before", "after", "precision",
        "recall", "F1", "static kept %"});
   for (const Json* row : rows) {
@@ -109,7 +110,7 @@ std::string detail_table(const std::vector<const Json*>& rows) {
           "mask_recall_after", "mask_precision_after", "mask_iou_before_blurred",
           "mask_iou_after_blurred", "keypoints_precision", "keypoints_recall", "keypoints_f1"})
       out += at(*row, key, 3);
-    out += at(*row, "keypoints_static_kept", 1, 100) + at(*row, "peak_memory_mb", 0) + "</tr>\n";
+    out += at(*row, "keypoints_static_kept", 1, 100) + "</tr>\n";
   }
   return out + "</tbody></table></div>\n";
 }
@@ -124,7 +125,7 @@ std::string times(const std::vector<const Json*>& rows) {
   bars.parts.assign(std::begin(kStages), std::end(kStages));
   std::string out = "<div class=\"scroll\"><table><thead><tr><th>ms per frame, median (p95)</th>";
   for (const char* stage : kStages) out += std::string("<th>") + stage + "</th>";
-  out += "<th>total</th></tr></thead><tbody>\n";
+  out += "<th>total</th><th>memory MB</th></tr></thead><tbody>\n";
   for (const Json* row : rows) {
     if ((*row)["runs"].get<int>() == 0) continue;
     bars.labels.push_back((*row)["label"]);
@@ -138,7 +139,7 @@ std::string times(const std::vector<const Json*>& rows) {
       if (bars.values.back().size() < bars.parts.size()) bars.values.back().push_back(value);
       out += cell(fixed(value, 2) + " (" + fixed(number_at(*row, key + "_p95"), 2) + ")");
     }
-    out += "</tr>\n";
+    out += at(*row, "peak_memory_mb", 0) + "</tr>\n";
   }
   return "<div class=\"figures\">" + svg(bars) + "</div>\n" + out + "</tbody></table></div>\n";
 }
@@ -248,22 +249,23 @@ std::string time_plots(const std::vector<const Json*>& shown) {
   return out;
 }
 
-std::string overlays(const std::vector<const Json*>& results) {
+/// The pictures that a result lists under `key`, for the front end off and on.
+std::string pictures(const std::vector<const Json*>& results, const char* key) {
   const Json *off = nullptr, *on = nullptr;
   for (const Json* r : results) {
-    if (!r->contains("overlays") || (*r)["overlays"].empty()) continue;
+    if (!r->contains(key) || (*r)[key].empty()) continue;
     if (!off && (*r)["job"]["variant"] == "off") off = r;
     if (!on && (*r)["job"]["variant"] == "default") on = r;
   }
   std::string out;
   for (const Json* r : {off, on}) {
     if (!r) continue;
-    out += "<h3>" + std::string(r == off ? "Front end off" : "Front end on, " + trimmed_label(*r)) +
-           "</h3>\n<div class=\"figures\">";
-    for (const Json& file : (*r)["overlays"]) {
+    out += "<h4>" + std::string(r == off ? "Front end off" : "Front end on, " + trimmed_label(*r)) +
+           "</h4>\n<div class=\"figures\">";
+    for (const Json& file : (*r)[key]) {
       const fs::path path = fs::path((*r)["folder"].get<std::string>()) / file.get<std::string>();
       if (!fs::exists(path)) continue;
-      out += "<figure><img width=\"524\" src=\"" + data_uri(path.string()) + "\" alt=\"frame " +
+      out += "<figure><img width=\"524\" src=\"" + data_uri(path.string()) + "\" alt=\"" +
              escape_html(path.stem().string()) + "\"></figure>\n";
     }
     out += "</div>\n";
@@ -320,14 +322,22 @@ std::string make_page(const Json& rows, const std::vector<Json>& results,
     out += "<h3>Trajectory</h3><div class=\"figures\">" + trajectory_plots(shown) + "</div>\n";
     out += "<h3>Error, masks and blur over time</h3><div class=\"figures\">" + time_plots(shown) +
            "</div>\n";
-    const std::string pictures = overlays(own_results);
-    if (!pictures.empty())
+    const std::string frames = pictures(own_results, "overlays");
+    if (!frames.empty())
       out +=
-          "<h3>Frames</h3><p class=\"note\">Green: keypoints that reach the tracker. Red: "
-          "those that the front end spares it, by mask or by probability. "
-          "Yellow: the final (dilated) mask. From each quarter of the sequence the frame where the "
-          "given masks miss most of the people.</p>\n" +
-          pictures;
+          "<h3>Frames</h3><p class=\"note\">Green: keypoints that reach the tracker. Red: those "
+          "that "
+          "the front end spares it, by mask or by probability. Yellow: the final (dilated) mask. "
+          "From each quarter of the sequence the frame where the given masks miss most of the "
+          "people.</p>\n" +
+          frames;
+    const std::string maps = pictures(own_results, "map_views");
+    if (!maps.empty())
+      out +=
+          "<h3>Dense map</h3><p class=\"note\">The static pixels of every fifth frame, from behind "
+          "the first camera and from above. People who were not masked stay as ghosts; a lost "
+          "trajectory doubles the room.</p>\n" +
+          maps;
     out += "<h3>Masks and keypoints</h3>\n" + detail_table(own_rows);
     out += "<h3>Time</h3>\n" + times(own_rows);
   }

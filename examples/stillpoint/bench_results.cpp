@@ -67,8 +67,9 @@ Json make_row(const std::vector<const Json*>& runs) {
   row["ate_rmse_mean_m"] = mean(ate);
   double spread = 0;
   for (double v : ate) spread += (v - mean(ate)) * (v - mean(ate));
-  row["ate_rmse_spread_m"] =
-      ate.size() > 1 ? std::sqrt(spread / static_cast<double>(ate.size() - 1)) : 0.0;
+  row["ate_rmse_spread_m"] = ate.size() > 1
+                                 ? std::sqrt(spread / static_cast<double>(ate.size() - 1))
+                                 : std::numeric_limits<double>::quiet_NaN();
   row["ate_sd_m"] = median(values({"evaluation", "ate_sd_m"}));
   for (const char* key : {"rpe_trans_m", "rpe_rot_deg"})
     row[key] = median(values({"evaluation", key}));

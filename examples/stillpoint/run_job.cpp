@@ -25,6 +25,7 @@
 
 #include "accuracy.hpp"
 #include "bench_results.hpp"
+#include "map_view.hpp"
 #include "run_recorder.hpp"
 #include "statistics.hpp"
 #include "stillpoint/io/depth_check.hpp"
@@ -90,8 +91,8 @@ class MapMaker {
     kept_.push_back(std::move(kept));
   }
 
-  void write(const fs::path& path, const TumSequence& sequence,
-             const Trajectory& trajectory) const {
+  std::vector<ColoredPoint> points(const TumSequence& sequence,
+                                   const Trajectory& trajectory) const {
     std::map<double, const StampedPose*> poses;
     for (const StampedPose& pose : trajectory) poses[pose.timestamp] = &pose;
     DenseMap map;
@@ -103,7 +104,7 @@ class MapMaker {
       if (!kept.mask.empty()) mask.image = cv::imdecode(kept.mask, cv::IMREAD_GRAYSCALE);
       map.integrate(frame, *sequence.camera(), mask, pose->second->T_world_camera);
     }
-    write_ply(path, map.points(kept_.size() > 2 ? 2 : 1));
+    return map.points(kept_.size() > 2 ? 2 : 1);
   }
 
  private:
@@ -173,6 +174,7 @@ Json run_job(const RunSettings& wanted, const RunOutputs& outputs,
   RunRecorder recorder(fs::is_directory(truth_dir) ? truth_dir : fs::path());
   WholePictureJudge judge(front_end, settings.features);
   MapMaker map;
+  const bool with_map = !outputs.map_ply.empty() || !outputs.map_views_dir.empty();
   FrameWriter writer(outputs);
   bool depth_checked = false;
   for (std::size_t i = 0; i < count; ++i) {
@@ -185,14 +187,24 @@ Json run_job(const RunSettings& wanted, const RunOutputs& outputs,
     pipeline.process(frame);
     recorder.add(pipeline, frame, stem, judge);
     writer.write(pipeline, frame, stem, i, judge);
-    if (!outputs.map_ply.empty()) map.remember(i, pipeline);
+    if (with_map) map.remember(i, pipeline);
     progress(i + 1, count);
   }
   writer.finish();
   tracker->finish();
   const Trajectory trajectory = tracker->trajectory();
   if (!outputs.trajectory.empty()) write_trajectory(outputs.trajectory, trajectory);
-  if (!outputs.map_ply.empty()) map.write(outputs.map_ply, sequence, trajectory);
+  if (with_map) {
+    const std::vector<ColoredPoint> points = map.points(sequence, trajectory);
+    if (!outputs.map_ply.empty()) write_ply(outputs.map_ply, points);
+    if (!outputs.map_views_dir.empty()) {
+      make_folder(outputs.map_views_dir);
+      write_picture(outputs.map_views_dir / "behind.jpg",
+                    draw_map(points, MapViewpoint::kBehind, {640, 480}));
+      write_picture(outputs.map_views_dir / "above.jpg",
+                    draw_map(points, MapViewpoint::kAbove, {640, 480}));
+    }
+  }
   if (recorder.segmenter_errors() > 0)
     say("the segmenter failed in " + std::to_string(recorder.segmenter_errors()) +
         " frames (masks were predicted there): " + recorder.segmenter_error());

@@ -37,6 +37,8 @@ struct RunOutputs {
   /// trajectory.txt (TUM format).
   std::filesystem::path trajectory;
   std::filesystem::path map_ply, masks_dir, keypoints_csv, overlays_dir;
+  /// Two small pictures of the map: behind.jpg and above.jpg.
+  std::filesystem::path map_views_dir;
   /// An overlay of every n-th frame, or of those whose stems are listed.
   std::size_t overlay_every = 0;
   std::vector<std::string> overlay_stems;
