@@ -81,7 +81,7 @@ class LocalMapping {
       if (!p) continue;
       const int age = now - p->first_keyframe;
       if (p->found < settings_.min_found_ratio * p->visible ||
-          (age >= 3 && p->observations.size() < 2)) {
+          (age >= 3 && p->observations.size() < 2 && p->found < 4)) {
         map.erase_point(id);
         continue;
       }

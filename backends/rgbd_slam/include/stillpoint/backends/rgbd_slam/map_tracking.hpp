@@ -32,7 +32,7 @@ class MapTracking {
     int min_start_points = 80;
     /// A keyframe is due when the matches fall below this share of those of the reference
     /// keyframe's points, at the latest after so many frames.
-    double keyframe_ratio = 0.8;
+    double keyframe_ratio = 0.9;
     int max_keyframe_gap = 15, min_keyframe_gap = 2;
     /// The map is started anew when it is lost for so many frames with fewer keyframes than that.
     int restart_after = 30, restart_keyframes = 4;
