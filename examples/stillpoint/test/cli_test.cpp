@@ -1,0 +1,377 @@
+// SPDX-License-Identifier: BSD-2-Clause
+//
+// Drives the built program as a user would: exit codes, messages, files.
+
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <opencv2/imgcodecs.hpp>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "stillpoint/io/trajectory_file.hpp"
+
+namespace stillpoint {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::json;
+
+std::string text_of(const fs::path& path) {
+  std::ifstream in(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
+}
+
+Json json_of(const fs::path& path) { return Json::parse(text_of(path)); }
+
+std::size_t files_in(const fs::path& folder, const std::string& ending) {
+  std::size_t n = 0;
+  for (const auto& entry : fs::directory_iterator(folder)) n += entry.path().extension() == ending;
+  return n;
+}
+
+long lines_of(const std::string& text) { return std::count(text.begin(), text.end(), '\n'); }
+
+struct Result {
+  int code = -1;
+  std::string out, err;
+};
+
+class Cli : public testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    folder_ = new fs::path(fs::temp_directory_path() /
+                           ("stillpoint_cli_test_" + std::to_string(getpid())));
+    fs::remove_all(*folder_);
+    fs::create_directories(*folder_);
+    const Result made =
+        run("synth walk --motion xyz --people 2 --frames 12 --size 320x240 --shutter-ms 10");
+    ASSERT_EQ(made.code, 0) << made.err;
+  }
+  static void TearDownTestSuite() {
+    std::error_code ignored;
+    fs::remove_all(*folder_, ignored);
+    delete folder_;
+  }
+
+  /// Runs the program in the test's folder with arguments as written in a shell.
+  static Result run(const std::string& arguments) {
+    const fs::path out = *folder_ / "stdout.txt", err = *folder_ / "stderr.txt";
+    const std::string command = "cd '" + folder_->string() + "' && '" STILLPOINT_CLI "' " +
+                                arguments + " >'" + out.string() + "' 2>'" + err.string() + "'";
+    const int status = std::system(command.c_str());
+    Result result;
+    result.code = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+    result.out = text_of(out);
+    result.err = text_of(err);
+    return result;
+  }
+
+  /// One line "stillpoint: ..." on stderr with `words`, and the exit code.
+  static void expect_error(const std::string& arguments, int code, const std::string& words) {
+    const Result r = run(arguments);
+    EXPECT_EQ(r.code, code) << arguments << "\n" << r.err;
+    EXPECT_EQ(r.err.compare(0, 12, "stillpoint: "), 0) << arguments << "\n" << r.err;
+    EXPECT_EQ(lines_of(r.err), 1) << arguments << "\n" << r.err;
+    EXPECT_NE(r.err.find(words), std::string::npos) << arguments << "\n" << r.err;
+  }
+
+  static fs::path path(const std::string& name) { return *folder_ / name; }
+
+  static fs::path* folder_;
+};
+fs::path* Cli::folder_ = nullptr;
+
+TEST_F(Cli, HelpTeaches) {
+  const Result all = run("--help");
+  EXPECT_EQ(all.code, 0);
+  for (const char* word : {"synth", "run", "evaluate", "segment", "bench", "metres"})
+    EXPECT_NE(all.out.find(word), std::string::npos) << word;
+  for (const char* command : {"synth", "run", "evaluate", "segment", "bench"}) {
+    const Result r = run(std::string(command) + " --help");
+    EXPECT_EQ(r.code, 0) << command;
+    EXPECT_NE(r.out.find("Example"), std::string::npos) << command;
+    std::istringstream lines(r.out);
+    for (std::string line; std::getline(lines, line);) EXPECT_LE(line.size(), 110u) << line;
+  }
+  EXPECT_NE(run("--version").out.find("stillpoint "), std::string::npos);
+}
+
+TEST_F(Cli, MisuseIsAnswered) {
+  expect_error("", 2, "--help");
+  expect_error("walk", 2, "unknown command \"walk\"");
+  expect_error("run", 2, "SEQUENCE");
+  expect_error("run walk", 2, "--out");
+  expect_error("run walk --out out --preset best", 2, "default,paper");
+  expect_error("run walk --out out --front-end maybe", 2, "on,off");
+  expect_error("run walk --out out --without everything", 2, "compensation,depth,probability");
+  expect_error("run walk --out out --segmenter oracle", 2, "mask_files");
+  expect_error("run walk --out out --frames 0", 2, "--frames");
+  expect_error("run walk --out out --save-overlays often", 2, "--save-overlays");
+  expect_error("run walk --out out --no-such-option", 2, "--no-such-option");
+  expect_error("synth other --size 320", 2, "WIDTHxHEIGHT");
+  expect_error("synth other --motion dance", 2, "halfsphere");
+  expect_error("synth other --people many", 2, "--people");
+  expect_error("bench --out b", 2, "SEQUENCE");
+  expect_error("bench walk --out b --shard 2/2", 2, "I/N");
+  expect_error("bench walk --out b --variants best", 2, "no_depth");
+  expect_error("evaluate --estimate a", 2, "--groundtruth");
+}
+
+TEST_F(Cli, BadInputIsNamed) {
+  expect_error("run nowhere --out out", 1, "nowhere");
+  expect_error("run walk --out out --camera fr9", 1, "fr1, fr2, fr3, bonn");
+  expect_error("run walk --out out --masks nowhere", 1, "nowhere");
+  expect_error("run walk --out out --masks walk/rgb --segmenter none", 1, "mask_files");
+  expect_error("run walk --out walk", 1, "sequence itself");
+  expect_error("run walk --out walk/rgb.txt", 1, "rgb.txt");
+  expect_error("evaluate --groundtruth walk/groundtruth.txt --estimate nowhere", 1, "nowhere");
+  expect_error("evaluate --groundtruth walk/groundtruth.txt --estimate walk/rgb.txt", 1, "line");
+  expect_error("segment walk --segmenter none --out masks", 1, "--segmenter");
+  expect_error("bench nowhere --out b", 1, "nowhere");
+  expect_error("bench --merge nowhere --out b", 1, "nowhere");
+
+  fs::copy(path("walk"), path("foreign"), fs::copy_options::recursive);
+  std::ofstream(path("foreign") / "rgb.txt") << "# color images\n1.0 rgb/1.0.png\n";
+  expect_error("synth foreign --frames 2 --size 64x48", 1, "another folder");
+
+  // No camera: the choices are listed, and the name of the folder is read.
+  fs::copy(path("walk"), path("freiburg3_walk"), fs::copy_options::recursive);
+  fs::remove(path("freiburg3_walk") / "camera.yaml");
+  expect_error("run freiburg3_walk --out out", 1, "--camera fr1, fr2, fr3, bonn");
+  expect_error("run freiburg3_walk --out out", 1, "speaks of --camera fr3");
+
+  // A truncated picture.
+  fs::copy(path("walk"), path("cut"), fs::copy_options::recursive);
+  for (const auto& entry : fs::directory_iterator(path("cut") / "rgb"))
+    fs::resize_file(entry.path(), fs::file_size(entry.path()) / 2);
+  expect_error("run cut --out out", 1, "truncated");
+}
+
+TEST_F(Cli, RunWritesWhatItSays) {
+  const Result r = run("run walk --out out --save-masks --save-keypoints --save-overlays 5");
+  ASSERT_EQ(r.code, 0) << r.err;
+  EXPECT_TRUE(r.err.empty()) << r.err;
+  EXPECT_NE(r.out.find("mask_files (walk/masks)"), std::string::npos) << r.out;
+
+  const Json stats = json_of(path("out") / "stats.json");
+  EXPECT_EQ(stats["frames"], 12);
+  EXPECT_EQ(stats["tracked"], 12);
+  EXPECT_DOUBLE_EQ(stats["coverage"], 1);
+  EXPECT_LT(stats["evaluation"]["ate_rmse_m"], 0.05);
+  EXPECT_EQ(stats["evaluation"]["pairs"], 12);
+  for (const char* stage :
+       {"segmentation", "compensation", "depth", "probability", "extraction", "tracking", "total"})
+    for (const char* key : {"median", "p95"})
+      EXPECT_TRUE(stats["times_ms"][stage][key].is_number()) << stage;
+  for (const char* key : {"stillpoint", "opencv", "eigen", "compiler"})
+    EXPECT_FALSE(stats["versions"][key].get<std::string>().empty()) << key;
+  for (const char* key : {"iou_before", "iou_after"}) {
+    EXPECT_GT(stats["masks"][key], 0.3) << key;
+    EXPECT_LE(stats["masks"][key], 1.0) << key;
+  }
+  EXPECT_TRUE(stats["status"].is_object());
+  EXPECT_EQ(stats["settings"]["segmenter"], "mask_files");
+  EXPECT_GT(stats["keypoints"]["kept"], 50);
+  EXPECT_GT(stats["keypoints"]["recall"], 0.5);
+
+  EXPECT_EQ(read_trajectory(path("out") / "trajectory.txt").size(), 12u);
+  EXPECT_EQ(text_of(path("out") / "map.ply").compare(0, 4, "ply\n"), 0);
+  EXPECT_EQ(files_in(path("out") / "masks", ".png"), 12u);
+  EXPECT_EQ(files_in(path("out") / "overlays", ".png"), 3u);
+  const std::string csv = text_of(path("out") / "keypoints.csv");
+  EXPECT_EQ(csv.compare(0, 31, "timestamp,x,y,probability,kept\n"), 0);
+  EXPECT_GT(lines_of(csv), 12 * 50);
+
+  // The final mask, by the color file's stem, with 255 for dynamic and nothing else.
+  for (const auto& entry : fs::directory_iterator(path("walk") / "rgb")) {
+    const cv::Mat mask = cv::imread((path("out") / "masks" / entry.path().stem()).string() + ".png",
+                                    cv::IMREAD_UNCHANGED);
+    ASSERT_EQ(mask.type(), CV_8UC1);
+    ASSERT_EQ(mask.size(), cv::Size(320, 240));
+    EXPECT_EQ(cv::countNonZero(mask), cv::countNonZero(mask == 255));
+    EXPECT_GT(cv::countNonZero(mask), 0);
+  }
+}
+
+TEST_F(Cli, SameInputGivesTheSameBytes) {
+  for (const char* out : {"one", "two"})
+    ASSERT_EQ(run("run walk --save-masks --save-keypoints --out " + std::string(out)).code, 0);
+  for (const char* file : {"trajectory.txt", "keypoints.csv", "map.ply"})
+    EXPECT_EQ(text_of(path("one") / file), text_of(path("two") / file)) << file;
+  for (const auto& entry : fs::directory_iterator(path("one") / "masks"))
+    EXPECT_EQ(text_of(entry.path()), text_of(path("two") / "masks" / entry.path().filename()));
+  ASSERT_EQ(
+      run("synth again --motion xyz --people 2 --frames 12 --size 320x240 --shutter-ms 10").code,
+      0);
+  for (const auto& entry : fs::recursive_directory_iterator(path("walk"))) {
+    if (!entry.is_regular_file()) continue;
+    const fs::path other = path("again") / fs::relative(entry.path(), path("walk"));
+    EXPECT_EQ(text_of(entry.path()), text_of(other)) << other;
+  }
+}
+
+TEST_F(Cli, FrontEndCanBeSwitchedOff) {
+  Result r = run("run walk --out off --front-end off --save-masks --frames 6");
+  ASSERT_EQ(r.code, 0) << r.err;
+  const Json off = json_of(path("off") / "stats.json");
+  EXPECT_EQ(off["frames"], 6);
+  EXPECT_EQ(off["settings"]["front_end"], "off");
+  EXPECT_FALSE(off.contains("masks"));
+  EXPECT_GT(off["keypoints"]["kept_on_people"], 0.02);
+
+  r = run("run walk --out part --without depth --without compensation --tracker vo --preset paper");
+  ASSERT_EQ(r.code, 0) << r.err;
+  const Json part = json_of(path("part") / "stats.json");
+  EXPECT_EQ(part["settings"]["without"], Json({"depth", "compensation"}));
+  EXPECT_EQ(part["settings"]["preset"], "paper");
+  // Nothing repaired: the masks are the given ones.
+  EXPECT_DOUBLE_EQ(part["masks"]["iou_before"], part["masks"]["iou_after"]);
+  EXPECT_LT(part["keypoints"]["kept_on_people"], off["keypoints"]["kept_on_people"]);
+}
+
+TEST_F(Cli, SegmenterIsChosenAndSaid) {
+  fs::copy(path("walk"), path("bare"), fs::copy_options::recursive);
+  fs::remove_all(path("bare") / "masks");
+  fs::remove_all(path("bare") / "masks_gt");
+  fs::remove(path("bare") / "groundtruth.txt");
+  const Result r = run("run bare --out bare_out --frames 4");
+  ASSERT_EQ(r.code, 0) << r.err;
+  EXPECT_NE(r.out.find("no folder masks"), std::string::npos) << r.out;
+  const Json stats = json_of(path("bare_out") / "stats.json");
+  EXPECT_FALSE(stats.contains("evaluation"));
+  EXPECT_FALSE(stats.contains("masks"));
+  EXPECT_EQ(stats["coverage_of"], "frames");
+  EXPECT_EQ(stats["status"]["never_segmented"], 4);
+}
+
+TEST_F(Cli, WrongDepthFactorIsCalledOut) {
+  fs::copy(path("walk"), path("factor"), fs::copy_options::recursive);
+  std::string yaml = text_of(path("factor") / "camera.yaml");
+  const std::string key = "DepthMapFactor: 5000";
+  yaml.replace(yaml.find(key), key.size(), "DepthMapFactor: 1");
+  std::ofstream(path("factor") / "camera.yaml") << yaml;
+  const Result r = run("run factor --out factor_out --frames 2");
+  EXPECT_EQ(r.code, 0) << r.err;
+  EXPECT_EQ(r.err.compare(0, 21, "stillpoint: warning: "), 0) << r.err;
+  EXPECT_NE(r.err.find("5000 would give"), std::string::npos) << r.err;
+  EXPECT_FALSE(json_of(path("factor_out") / "stats.json")["notes"].empty());
+}
+
+TEST_F(Cli, EvaluatePrintsItsKeys) {
+  ASSERT_EQ(run("run walk --out eval --tracker vo").code, 0);
+  const std::string files = "--groundtruth walk/groundtruth.txt --estimate eval/trajectory.txt";
+  const Result r = run("evaluate --json " + files);
+  ASSERT_EQ(r.code, 0) << r.err;
+  const Json json = Json::parse(r.out);
+  for (const char* key : {"ate_rmse_m", "ate_sd_m", "ate_mean_m", "ate_median_m", "ate_max_m",
+                          "rpe_trans_m", "rpe_rot_deg", "coverage", "pairs"})
+    EXPECT_TRUE(json[key].is_number()) << key;
+  EXPECT_EQ(json["pairs"], 12);
+  EXPECT_DOUBLE_EQ(json["coverage"], 1);
+  EXPECT_DOUBLE_EQ(json["ate_rmse_m"],
+                   json_of(path("eval") / "stats.json")["evaluation"]["ate_rmse_m"]);
+  EXPECT_NE(run("evaluate " + files).out.find("ATE"), std::string::npos);
+
+  // A quarter of the poses: a small error, and said to be a failure.
+  const Trajectory all = read_trajectory(path("eval") / "trajectory.txt");
+  write_trajectory(path("eval") / "short.txt", Trajectory(all.begin(), all.begin() + 4));
+  const Result cut =
+      run("evaluate --groundtruth walk/groundtruth.txt --estimate eval/short.txt --frames "
+          "walk/rgb.txt");
+  EXPECT_EQ(cut.code, 0);
+  EXPECT_NE(cut.out.find("33.3 %"), std::string::npos) << cut.out;
+  EXPECT_NE(cut.out.find("FAILED"), std::string::npos) << cut.out;
+}
+
+TEST_F(Cli, SegmentCopiesMasksInItsFormat) {
+  const Result r = run("segment walk --masks walk/masks_gt --out seg");
+  ASSERT_EQ(r.code, 0) << r.err;
+  EXPECT_EQ(files_in(path("seg"), ".png"), 12u);
+  for (const auto& entry : fs::directory_iterator(path("seg"))) {
+    const cv::Mat made = cv::imread(entry.path().string(), cv::IMREAD_UNCHANGED);
+    const cv::Mat truth = cv::imread((path("walk") / "masks_gt" / entry.path().filename()).string(),
+                                     cv::IMREAD_UNCHANGED);
+    EXPECT_EQ(cv::countNonZero((made > 0) != (truth > 0)), 0) << entry.path();
+  }
+}
+
+TEST_F(Cli, BenchComparesAndGoesOn) {
+  const std::string command = "bench walk --out b --tracker vo --frames 8";
+  const Result r = run(command);
+  ASSERT_EQ(r.code, 0) << r.err;
+  for (const char* label :
+       {"front end off", "paper preset", "default preset", "without compensation", "without depth",
+        "without probability", "ground-truth masks"})
+    EXPECT_NE(r.out.find(label), std::string::npos) << label;
+  const Json rows = json_of(path("b") / "results.json")["rows"];
+  ASSERT_EQ(rows.size(), 7u);
+  for (const Json& row : rows) {
+    EXPECT_EQ(row["runs"], 1);
+    EXPECT_EQ(row["failed"], "") << row["label"];
+    EXPECT_DOUBLE_EQ(row["coverage_min"], 1) << row["label"];
+    EXPECT_TRUE(row["ate_rmse_m"].is_number()) << row["label"];
+  }
+  EXPECT_DOUBLE_EQ(rows[6]["mask_iou_after"], 1);
+  EXPECT_EQ(lines_of(text_of(path("b") / "results.csv")), 8);
+
+  const std::string page = text_of(path("b") / "index.html");
+  EXPECT_NE(page.find("<svg"), std::string::npos);
+  EXPECT_NE(page.find("data:image/jpeg;base64,"), std::string::npos);
+  for (const char* outside : {"src=\"http", "href=\"http", "<script", "url("})
+    EXPECT_EQ(page.find(outside), std::string::npos) << outside;
+
+  // Again: nothing runs, unless a result is gone or its settings differ.
+  EXPECT_EQ(run(command).out.find(" s)"), std::string::npos);
+  fs::remove(path("b") / "runs/walk/default.0.json");
+  const Result again = run(command);
+  const auto count = [](const std::string& text, const std::string& word) {
+    std::size_t n = 0;
+    for (std::size_t at = 0; (at = text.find(word, at)) != std::string::npos; ++at) ++n;
+    return n;
+  };
+  EXPECT_EQ(count(again.out, "kept from before"), 6u) << again.out;
+  EXPECT_EQ(count(run(command + " --features 300").out, "kept from before"), 0u);
+}
+
+TEST_F(Cli, BenchShardsAreMerged) {
+  const std::string command =
+      "bench walk --tracker vo --frames 6 --variants off,default --runs 2 --shard ";
+  for (const char* shard : {"0/2 --out s0", "1/2 --out s1"})
+    ASSERT_EQ(run(command + shard).code, 0) << shard;
+  EXPECT_FALSE(fs::exists(path("s0") / "index.html"));
+  const Result r = run("bench --merge s0 s1 --out merged");
+  ASSERT_EQ(r.code, 0) << r.err;
+  const Json rows = json_of(path("merged") / "results.json")["rows"];
+  ASSERT_EQ(rows.size(), 2u);
+  for (const Json& row : rows) EXPECT_EQ(row["runs"], 2);
+  EXPECT_TRUE(fs::exists(path("merged") / "index.html"));
+}
+
+TEST_F(Cli, BenchMarksLostTracks) {
+  // From the fourth frame on the depth is black and the color gray: nothing can be tracked.
+  fs::copy(path("walk"), path("dark"), fs::copy_options::recursive);
+  std::vector<fs::path> pictures;
+  for (const auto& entry : fs::directory_iterator(path("dark") / "rgb"))
+    pictures.push_back(entry.path());
+  std::sort(pictures.begin(), pictures.end());
+  for (std::size_t i = 4; i < pictures.size(); ++i)
+    cv::imwrite(pictures[i].string(), cv::Mat(240, 320, CV_8UC3, cv::Scalar(90, 90, 90)));
+  const Result r = run("bench dark --out d --variants default --tracker vo");
+  ASSERT_EQ(r.code, 0) << r.err;
+  const Json rows = json_of(path("d") / "results.json")["rows"];
+  EXPECT_EQ(rows[0]["failed"], "coverage");
+  EXPECT_NEAR(rows[0]["coverage_min"], 4.0 / 12, 1e-9);
+  EXPECT_NE(r.out.find("33.3 % !"), std::string::npos) << r.out;
+  EXPECT_NE(text_of(path("d") / "index.html").find("failed: coverage"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace stillpoint
