@@ -24,6 +24,7 @@
 #include "stillpoint/keypoints/grid_neighbor_search.hpp"
 #include "stillpoint/keypoints/probabilistic_keypoint_filter.hpp"
 #include "stillpoint/mapping/dense_map.hpp"
+#include "stillpoint/motion/motion_check.hpp"
 #include "stillpoint/segmentation/segmentation_compensator.hpp"
 #include "stillpoint/segmentation/segmenter.hpp"
 #include "stillpoint/tracking/tracker.hpp"

@@ -1,0 +1,191 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "stillpoint/motion/motion_check.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <opencv2/core.hpp>
+#include <optional>
+
+#include "stillpoint/core/random.hpp"
+
+namespace stillpoint {
+namespace {
+
+constexpr int kWidth = 320, kHeight = 240;
+
+Camera small_camera() {
+  Camera camera;
+  camera.fx = camera.fy = 260;
+  camera.cx = 159.5, camera.cy = 119.5;
+  camera.width = kWidth, camera.height = kHeight;
+  return camera;
+}
+
+/// A wall 4 m ahead with a pillar at 2 m (static), and a box at `box_m` in world coordinates.
+RgbdFrame render(double timestamp, const Eigen::Isometry3d& T_world_camera,
+                 const std::optional<Eigen::Vector3d>& box_m, std::uint64_t seed = 0) {
+  const Camera camera = small_camera();
+  RgbdFrame frame;
+  frame.timestamp = timestamp;
+  frame.depth_units_per_m = 5000;
+  frame.color = cv::Mat(kHeight, kWidth, CV_8UC1, cv::Scalar(90));
+  frame.depth = cv::Mat::zeros(kHeight, kWidth, CV_16UC1);
+  RandomGenerator random(seed + static_cast<std::uint64_t>(timestamp * 1000));
+  const Eigen::Vector3d o = T_world_camera.translation();
+  for (int y = 0; y < kHeight; ++y)
+    for (int x = 0; x < kWidth; ++x) {
+      const Eigen::Vector3d d = T_world_camera.linear() * camera.unproject(x, y, 1);
+      double z = (4 - o.z()) / d.z();
+      const auto front = [&](double plane, double x0, double x1, double y0, double y1) {
+        const double t = (plane - o.z()) / d.z();
+        const Eigen::Vector3d p = o + t * d;
+        if (t > 0 && t < z && p.x() > x0 && p.x() < x1 && p.y() > y0 && p.y() < y1) z = t;
+      };
+      front(2.0, -0.9, -0.5, -2, 2);
+      if (box_m)
+        front(box_m->z(), box_m->x() - 0.25, box_m->x() + 0.25, box_m->y() - 0.4, box_m->y() + 0.4);
+      const double noise = 0.002 * z * z * (random.uniform() - 0.5);
+      frame.depth.at<std::uint16_t>(y, x) =
+          static_cast<std::uint16_t>(std::lround((z + noise) * 5000));
+    }
+  return frame;
+}
+
+double share_of_box(const std::vector<Instance>& found, const Eigen::Vector3d& box_m,
+                    const Eigen::Isometry3d& T_world_camera, double* outside = nullptr) {
+  const Camera camera = small_camera();
+  cv::Mat mask = cv::Mat::zeros(kHeight, kWidth, CV_8UC1);
+  for (const Instance& s : found) mask(s.box).setTo(255, s.mask);
+  int in = 0, hit = 0, out = 0;
+  const Eigen::Isometry3d T = T_world_camera.inverse();
+  const Eigen::Vector2d a = camera.project(T * (box_m + Eigen::Vector3d(-0.25, -0.4, 0)));
+  const Eigen::Vector2d b = camera.project(T * (box_m + Eigen::Vector3d(0.25, 0.4, 0)));
+  for (int y = 0; y < kHeight; ++y)
+    for (int x = 0; x < kWidth; ++x) {
+      const bool inside = x > a.x() && x < b.x() && y > a.y() && y < b.y();
+      in += inside, hit += inside && mask.at<uchar>(y, x), out += !inside && mask.at<uchar>(y, x);
+    }
+  if (outside) *outside = out / static_cast<double>(kWidth * kHeight);
+  return in ? hit / static_cast<double>(in) : 0;
+}
+
+struct Outcome {
+  double found = 0, outside = 0;  // of the last frame
+  int frames_with_finds = 0;
+};
+
+/// Drives the check over a sequence with a moving box and a moving camera.
+Outcome drive(const Eigen::Vector3d& box_speed_m_s, double turn_deg_s, int frames,
+              bool with_box = true) {
+  MotionCheck check({}, small_camera());
+  Outcome result;
+  Eigen::Isometry3d last = Eigen::Isometry3d::Identity();
+  for (int i = 0; i < frames; ++i) {
+    const double t = i / 30.0;
+    Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
+    const double angle = 0.2 * std::sin(turn_deg_s * 3.14159265 / 180 / 0.2 * t);
+    pose.linear() = Eigen::AngleAxisd(angle, Eigen::Vector3d::UnitY()).toRotationMatrix();
+    pose.translation().x() = 0.05 * std::sin(3 * t);
+    const Eigen::Vector3d box = Eigen::Vector3d(-0.1, 0, 1.5) + box_speed_m_s * t;
+    const RgbdFrame frame =
+        render(t, pose, with_box ? std::optional<Eigen::Vector3d>(box) : std::nullopt);
+    std::optional<Eigen::Isometry3d> motion;
+    if (i > 0) motion = pose.inverse() * last;
+    const auto& found = check.find(frame, motion);
+    result.frames_with_finds += !found.empty();
+    result.found = share_of_box(found, box, pose, &result.outside);
+    cv::Mat dynamic = cv::Mat::zeros(kHeight, kWidth, CV_8UC1);
+    for (const Instance& s : found) dynamic(s.box).setTo(255, s.mask);
+    check.correct(pose);
+    check.remember(dynamic);
+    last = pose;
+  }
+  return result;
+}
+
+TEST(MotionCheck, FindsAMoverWithoutAName) {
+  const Outcome r = drive({0.5, 0, 0}, 0, 25);
+  EXPECT_GT(r.found, 0.55);  // cells on its outline say nothing
+  EXPECT_LT(r.outside, 0.01);
+}
+
+TEST(MotionCheck, FindsAMoverWhileTheCameraTurns) {
+  const Outcome r = drive({0.5, 0, 0}, 60, 25);
+  EXPECT_GT(r.found, 0.55);  // cells on its outline say nothing
+  EXPECT_LT(r.outside, 0.02);
+}
+
+TEST(MotionCheck, FindsAMoverThatComesNearerAndASlowOne) {
+  EXPECT_GT(drive({0, 0, -0.5}, 20, 30).found, 0.55);
+  EXPECT_GT(drive({0.2, 0, 0}, 0, 45).found, 0.3);  // 10 cm in half a second
+}
+
+TEST(MotionCheck, FindsNothingInAStaticWorld) {
+  EXPECT_EQ(drive({0, 0, 0}, 0, 40).frames_with_finds, 0);
+  EXPECT_EQ(drive({0, 0, 0}, 60, 40).frames_with_finds, 0);
+  EXPECT_EQ(drive({0, 0, 0}, 60, 40, false).frames_with_finds, 0);
+}
+
+TEST(MotionCheck, SaysNothingWithoutDepthOrMotion) {
+  MotionCheck check({}, small_camera());
+  for (int i = 0; i < 20; ++i) {
+    RgbdFrame frame =
+        render(i / 30.0, Eigen::Isometry3d::Identity(), Eigen::Vector3d(-0.1 + 0.03 * i, 0, 1.5));
+    EXPECT_TRUE(check.find(frame, std::nullopt).empty()) << "no motion given, frame " << i;
+    check.remember(cv::Mat::zeros(kHeight, kWidth, CV_8UC1));
+    frame.timestamp += 0.01;
+    frame.depth = cv::Mat();
+    EXPECT_TRUE(check.find(frame, Eigen::Isometry3d::Identity()).empty()) << "no depth";
+    check.remember(cv::Mat::zeros(kHeight, kWidth, CV_8UC1));
+  }
+}
+
+TEST(MotionCheck, ForgetsAtACutAndAtRepeatedTimestamps) {
+  MotionCheck check({}, small_camera());
+  const Eigen::Isometry3d still = Eigen::Isometry3d::Identity();
+  const cv::Mat nothing = cv::Mat::zeros(kHeight, kWidth, CV_8UC1);
+  const auto feed = [&](double t, double x, const Eigen::Isometry3d& motion) {
+    const bool any = !check.find(render(t, still, Eigen::Vector3d(x, 0, 1.5)), motion).empty();
+    check.remember(nothing);
+    return any;
+  };
+  for (int i = 0; i < 15; ++i) feed(i / 30.0, -0.4, still);
+  EXPECT_TRUE(feed(0.5, 0.4, still));
+  Eigen::Isometry3d jump = still;
+  jump.translation().x() = 3;
+  EXPECT_FALSE(feed(0.55, -0.4, jump));
+  for (int i = 0; i < 15; ++i) feed(1 + i / 30.0, -0.4, still);
+  EXPECT_FALSE(feed(1.2, 0.4, still)) << "a timestamp that goes back starts anew";
+}
+
+TEST(MotionCheck, FollowsTheHostsPoseNotItsPrediction) {
+  // The prediction is wrong by 2 degrees each frame; the host's pose puts it right.
+  MotionCheck check({}, small_camera());
+  int finds = 0;
+  for (int i = 0; i < 30; ++i) {
+    const Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
+    Eigen::Isometry3d wrong = Eigen::Isometry3d::Identity();
+    wrong.linear() =
+        Eigen::AngleAxisd((i % 2 ? 0.004 : -0.004), Eigen::Vector3d::UnitY()).toRotationMatrix();
+    finds += !check.find(render(i / 30.0, pose, std::nullopt), wrong).empty();
+    check.correct(pose);
+    check.remember(cv::Mat::zeros(kHeight, kWidth, CV_8UC1));
+  }
+  EXPECT_EQ(finds, 0);
+}
+
+TEST(MotionCheck, RefusesSettingsThatMakeNoSense) {
+  MotionCheckSettings settings;
+  settings.block_px = 7;
+  EXPECT_THROW(MotionCheck check(settings), Error);
+  settings = {};
+  settings.min_moved_share = 2;
+  EXPECT_THROW(MotionCheck check(settings), Error);
+  MotionCheck check({}, small_camera());
+  check.find(render(0, Eigen::Isometry3d::Identity(), std::nullopt), std::nullopt);
+  EXPECT_THROW(check.remember(cv::Mat::zeros(10, 10, CV_8UC1)), Error);
+}
+
+}  // namespace
+}  // namespace stillpoint
