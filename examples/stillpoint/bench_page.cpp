@@ -99,8 +99,7 @@ std::string detail_table(const std::vector<const Json*>& rows) {
       "<th rowspan=\"2\">variant</th><th class=\"group\" colspan=\"3\">given masks</th>"
       "<th class=\"group\" colspan=\"3\">final masks</th>"
       "<th class=\"group\" colspan=\"2\">IoU on blurred</th>"
-      "<th class=\"group\" colspan=\"4\">removed keypoints</th>"
-
+      "<th class=\"group\" colspan=\"4\">removed keypoints</th>",
       {"IoU", "recall", "precision", "IoU", "recall", "precision", "before", "after", "precision",
        "recall", "F1", "static kept %"});
   for (const Json* row : rows) {

@@ -66,7 +66,7 @@ std::string input_fingerprint(const fs::path& sequence, const std::string& masks
   return f.text();
 }
 
-bool needs_masks(const Variant& v) { return v.front_end && !v.truth; }
+bool needs_masks(const Variant& v) { return v.front_end && v.segmenter && !v.truth; }
 
 /// "a/b/" and "a/b" are both "b".
 std::string folder_name(const fs::path& path) {
@@ -85,6 +85,8 @@ const std::vector<Variant>& variants() {
       {"no_compensation", "  without compensation", true, "default", {"compensation"}, false},
       {"no_depth", "  without depth fusion", true, "default", {"depth"}, false},
       {"no_probability", "  without probability", true, "default", {"probability"}, false},
+      {"motion", "motion preset", true, "motion", {}, false},
+      {"motion_alone", "  without any segmenter", true, "motion", {}, false, false},
       // Nothing to repair: the exact masks go to dilation and the probability filter as they are.
       {"truth", "ground-truth masks", true, "default", {"compensation", "depth"}, true}};
   return all;
@@ -140,8 +142,8 @@ std::vector<BenchJob> make_jobs(const BenchPlan& plan, std::vector<std::string>&
         job.settings.front_end = variant.front_end;
         job.settings.without = variant.without;
         job.settings.seed = static_cast<std::uint64_t>(run);
-        job.settings.segmenter = variant.front_end ? "mask_files" : "none";
-        if (variant.front_end)
+        job.settings.segmenter = variant.front_end && variant.segmenter ? "mask_files" : "none";
+        if (variant.front_end && variant.segmenter)
           job.settings.masks = sequence / (variant.truth ? "masks_gt" : masks_folder);
         jobs.push_back(job);
       }

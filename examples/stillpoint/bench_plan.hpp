@@ -20,6 +20,8 @@ struct Variant {
   std::vector<std::string> without;
   /// Takes the exact masks of masks_gt.
   bool truth = false;
+  /// Takes the masks of a segmenter.
+  bool segmenter = true;
 };
 
 /// All variants, in the order of the table.

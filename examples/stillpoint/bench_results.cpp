@@ -18,8 +18,8 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
-const char* const kStages[] = {"segmentation", "compensation", "depth", "probability",
-                               "extraction",   "tracking",     "total"};
+const char* const kStages[] = {"segmentation", "motion",     "compensation", "depth",
+                               "probability",  "extraction", "tracking",     "total"};
 
 /// The number at a path of keys; NaN where there is none.
 double number_at(const Json& json, std::initializer_list<const char*> keys) {

@@ -13,7 +13,7 @@ namespace stillpoint::cli {
 /// Wall-clock times of one frame, milliseconds. Reading and writing files is not in them, save the
 /// masks that the `mask_files` segmenter reads.
 struct StageTimes {
-  double segmentation = 0, compensation = 0, depth = 0, probability = 0;
+  double segmentation = 0, motion = 0, compensation = 0, depth = 0, probability = 0;
   double extraction = 0, tracking = 0;
   /// From the frame's arrival to its pose.
   double total = 0;
@@ -48,11 +48,13 @@ class Pipeline {
     selection_ = use_front_end_ ? &front_end_.select(*keypoints_) : keep_all(keypoints_->size());
     const auto before_tracking = Clock::now();
     pose_ = tracker_.track(frame, mask_, *selection_);
+    if (use_front_end_ && pose_) front_end_.correct_pose(*pose_);
     const auto end = Clock::now();
 
     times_ = {};
     if (use_front_end_) {
       times_.segmentation = stats().segmentation_ms;
+      times_.motion = stats().motion_ms;
       times_.compensation = stats().compensation_ms;
       times_.depth = stats().depth_ms;
       times_.probability = stats().probability_ms;

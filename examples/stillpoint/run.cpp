@@ -91,15 +91,17 @@ void add_run_command(CLI::App& app) {
       ->required()
       ->type_name("DIR");
   add_system_options(command, s);
-  choices(command->add_option("--preset", s.preset,
-                              "default: ours; paper: the literal method  [default]"),
-          {"default", "paper"});
+  choices(
+      command->add_option("--preset", s.preset,
+                          "default: ours; motion: ours, and what moves without a name; paper: the "
+                          "literal method  [default]"),
+      {"default", "motion", "paper"});
   choices(command->add_option_function<std::string>(
               "--front-end", [&s](const std::string& value) { s.front_end = value == "on"; },
               "off: the tracker alone, for comparison  [on]"),
           {"on", "off"});
   choices(command->add_option("--without", s.without, "Leave a stage out; may be given again"),
-          {"compensation", "depth", "probability"})
+          {"compensation", "depth", "probability", "motion"})
       ->allow_extra_args(false);
   choices(command->add_option(
               "--tracker", s.tracker,

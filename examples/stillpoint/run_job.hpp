@@ -21,7 +21,7 @@ struct RunSettings {
   std::filesystem::path masks;
   std::string preset = "default";
   bool front_end = true;
-  /// Stages left out: compensation, depth, probability.
+  /// Stages left out: compensation, depth, probability, motion.
   std::vector<std::string> without;
   std::string tracker = "slam";
   /// ORB keypoints per frame; 0: the tracker's default.

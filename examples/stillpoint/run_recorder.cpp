@@ -127,6 +127,7 @@ void RunRecorder::summarize(Json& stats, bool front_end) const {
   std::vector<double> sharp;
   for (const Record& r : records_) {
     timing.add("segmentation", r.times.segmentation);
+    timing.add("motion", r.times.motion);
     timing.add("compensation", r.times.compensation);
     timing.add("depth", r.times.depth);
     timing.add("probability", r.times.probability);

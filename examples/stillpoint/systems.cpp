@@ -80,12 +80,14 @@ std::unique_ptr<Tracker> make_tracker(const RunSettings& settings, const Camera&
 }
 
 FrontEndSettings front_end_settings(const RunSettings& settings) {
-  FrontEndSettings front_end =
-      settings.preset == "paper" ? FrontEndSettings::paper() : FrontEndSettings();
+  FrontEndSettings front_end = settings.preset == "paper"    ? FrontEndSettings::paper()
+                               : settings.preset == "motion" ? FrontEndSettings::with_motion()
+                                                             : FrontEndSettings();
   for (const std::string& stage : settings.without) {
     if (stage == "compensation") front_end.use_compensation = false;
     if (stage == "depth") front_end.use_depth = false;
     if (stage == "probability") front_end.use_probability = false;
+    if (stage == "motion") front_end.use_motion = false;
   }
   front_end.depth.seed += settings.seed;
   return front_end;
