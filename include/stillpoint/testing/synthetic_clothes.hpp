@@ -34,7 +34,8 @@ inline Canvas cloth(std::uint64_t seed, bool trousers) {
   } else if (kind == 4 && !trousers) {  // scattered prints
     for (int i = 0; i < 160; ++i) {
       const int x = random.below(512), y = random.below(256), r = 3 + random.below(7);
-      canvas.ellipse(x, y, r, r * (60 + random.below(60)) / 100, random_color(random, 0, 255));
+      const int ry = r * (60 + random.below(60)) / 100;
+      canvas.ellipse(x, y, r, ry, random_color(random, 0, 255));
     }
   }
   if (!trousers) {  // front: buttons or a printed picture; back: a line of text
@@ -80,8 +81,10 @@ inline Canvas face(std::uint64_t seed) {
       canvas.line(122, 152, 136, 152, 4, scaled(skin, 0.7));
   canvas.ellipse(128, 176, 20, 5, {150, 74, 70});
   if (random.below(3) == 0)
-    for (int i = 0; i < 300; ++i)
-      canvas.ellipse(96 + random.below(64), 186 + random.below(36), 1, 2, hair);
+    for (int i = 0; i < 300; ++i) {
+      const int x = 96 + random.below(64);
+      canvas.ellipse(x, 186 + random.below(36), 1, 2, hair);
+    }
   if (random.below(2)) {  // glasses
     for (const int x : {104, 152})
       for (int i = 0; i < 2; ++i)
@@ -99,8 +102,10 @@ inline Canvas skin(std::uint64_t seed) {
   Canvas canvas(128, 128, scaled({214, 166, 134}, random.range(0.5, 1.15)));
   canvas.noise(0.16, 32, 32, seed + 1);
   canvas.noise(0.18, 4, 4, seed + 2);
-  for (int i = 0; i < 40; ++i)
-    canvas.ellipse(random.below(128), random.below(128), 1, 1, {130, 80, 60});
+  for (int i = 0; i < 40; ++i) {
+    const int x = random.below(128);
+    canvas.ellipse(x, random.below(128), 1, 1, {130, 80, 60});
+  }
   return canvas;
 }
 

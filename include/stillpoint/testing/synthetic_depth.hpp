@@ -50,7 +50,7 @@ inline cv::Mat measure_depth(const cv::Mat& exact, const cv::Mat& hole_prone, co
   cv::Mat measured(exact.size(), CV_16UC1);
   const double scale = camera.fx / 525.0;  // patches and strips as large as in a 640 wide picture
   const double disparity = camera.fx * noise.baseline_m;
-  std::vector<char> shadow(static_cast<std::size_t>(exact.cols));
+  std::vector<std::uint8_t> shadow(static_cast<std::size_t>(std::max(0, exact.cols)));
   for (int y = 0; y < exact.rows; ++y) {
     const float* z_row = exact.ptr<float>(y);
     // A point is lit when no point right of it hides it from the projector, which stands to the
@@ -59,7 +59,7 @@ inline cv::Mat measure_depth(const cv::Mat& exact, const cv::Mat& hole_prone, co
     for (int x = exact.cols - 1; x >= 0; --x) {
       const bool there = z_row[x] > 0;
       const double column = there ? x - disparity / static_cast<double>(z_row[x]) : x;
-      shadow[static_cast<std::size_t>(x)] = noise.shadows && column > nearest + 0.6;
+      shadow[static_cast<std::size_t>(x)] = noise.shadows && column > nearest + 0.6 ? 1 : 0;
       if (there) nearest = std::min(nearest, column);
     }
     auto* out = measured.ptr<std::uint16_t>(y);

@@ -109,12 +109,13 @@ class Furnisher {
 
   void poster_on(const Frame& f, bool wide) {
     const double width = wide ? random_.range(0.9, 1.2) : random_.range(0.5, 0.65);
-    panel(f, width, wide ? width * 0.55 : width * random_.range(1.35, 1.55),
-          pick(wide ? posters_wide_ : posters_));
+    const double height = width * (wide ? 0.55 : random_.range(1.35, 1.55));
+    panel(f, width, height, pick(wide ? posters_wide_ : posters_));
   }
   void photo_on(const Frame& f) {
     const double s = random_.range(0.28, 0.5);
-    panel(f, s * random_.range(0.9, 1.4), s, pick(photos_));
+    const double width = s * random_.range(0.9, 1.4);
+    panel(f, width, s, pick(photos_));
   }
 
   /// A bookcase with boards and rows of books, some shelves with cartons.
@@ -156,23 +157,27 @@ class Furnisher {
       const Frame at = moved(f, {x + w / 2, random_.range(-0.1, 0.1) * depth, 0});
       const double d = std::min(depth * 0.8, random_.range(0.1, 0.25));
       const double h = std::min(height * 0.95, random_.range(0.08, 0.32));
-      switch (random_.below(5)) {
+      const int kind = random_.below(5);
+      const std::array<float, 3> color = tint(kind > 2 ? 0.6 : 0.5);
+      const double turn = random_.range(-0.1, 0.1);
+      switch (kind) {
         case 0:
           round(moved(at, {0, 0, 0.01}), h * 0.7, std::min(w, d) * 0.28, std::min(w, d) * 0.36,
-                pick(photos_), tint());
+                pick(photos_), color);
           break;
         case 1:
-          for (double z = 0; z < h - 0.03; z += 0.035)
-            box(moved(at, {random_.range(-0.01, 0.01), 0, z}, random_.range(-0.08, 0.08)),
-                {w * 0.85, d * 0.8, 0.033}, plaster_, 500, tint());
+          for (double z = 0; z < h - 0.03; z += 0.035) {
+            const Frame layer =
+                moved(at, {random_.range(-0.01, 0.01), 0, z}, turn * (z > 0.07 ? -1 : 0.5));
+            box(layer, {w * 0.85, d * 0.8, 0.033}, plaster_, 500, tint());
+          }
           break;
         case 2:
           panel(moved(at, {0, -d * 0.2, h / 2}), w * 0.9, h, pick(photos_));
           box(moved(at, {0, -d * 0.2 + 0.02, 0}), {w * 0.9, 0.03, h}, dark_wood_);
           break;
         default:
-          box(moved(at, {0, 0, 0}, random_.range(-0.1, 0.1)), {w * 0.85, d, h}, pick(cartons_), 0,
-              tint(0.6));
+          box(moved(at, {0, 0, 0}, turn), {w * 0.85, d, h}, pick(cartons_), 0, color);
       }
       x += w + random_.range(0.0, 0.06);
     }
@@ -193,15 +198,14 @@ class Furnisher {
       box(moved(m, {0, 0.03, 0.02}), {0.05, 0.03, 0.16}, gray_, 300, {{0.2f, 0.2f, 0.2f}}, true);
       box(moved(m, {0, 0, 0.12}), {0.54, 0.04, 0.33}, gray_, 300, {{0.12f, 0.12f, 0.13f}}, true);
       panel(moved(m, {0, -0.024, 0.285}), 0.51, 0.3, pick(screens_), true, 0.62f);
-      box(moved(f, {x, -depth * 0.22, top}, random_.range(-0.1, 0.1)), {0.42, 0.14, 0.02},
-          pick(sheets_), 0, {{0.35f, 0.35f, 0.38f}});
+      const Frame keyboard = moved(f, {x, -depth * 0.22, top}, random_.range(-0.1, 0.1));
+      box(keyboard, {0.42, 0.14, 0.02}, pick(sheets_), 0, {{0.35f, 0.35f, 0.38f}});
     }
-    for (int i = 0; i < 6; ++i)
-      sheet_on(moved(f,
-                     {random_.range(-0.45, 0.45) * width, random_.range(-0.35, 0.3) * depth,
-                      top + 0.001 * i},
-                     random_.range(-1, 1)),
-               0.21, 0.3, pick(sheets_));
+    for (int i = 0; i < 6; ++i) {
+      const double x = random_.range(-0.45, 0.45) * width, y = random_.range(-0.35, 0.3) * depth;
+      const Frame at = moved(f, {x, y, top + 0.001 * i}, random_.range(-1, 1));
+      sheet_on(at, 0.21, 0.3, pick(sheets_));
+    }
     clutter(moved(f, {0, depth * 0.38, top}), width * 0.9, depth * 0.25, 0.3);
   }
 
@@ -217,7 +221,8 @@ class Furnisher {
 
   /// A closed cabinet with things on top.
   void cabinet(const Frame& f, double width, double depth, double height) {
-    box(f, {width, depth, height}, random_.below(2) ? gray_ : oak_, 300, tint(0.25));
+    const int front = random_.below(2) ? gray_ : oak_;
+    box(f, {width, depth, height}, front, 300, tint(0.25));
     const int drawers = std::max(1, static_cast<int>(height / 0.32));
     for (int i = 0; i < drawers; ++i) {
       const double h = height / drawers, z = (i + 0.5) * h;

@@ -76,7 +76,8 @@ inline Canvas poster(int width, int height, std::uint64_t seed) {
       const int block = std::min(height - gap - y, height / 10 + random.below(height / 6));
       const int kind = random.below(5);
       if (kind < 2) {
-        canvas.text(x0, y, x1, y + block, 1 + random.below(2), ink, random.bits());
+        const int size = 1 + random.below(2);
+        canvas.text(x0, y, x1, y + block, size, ink, random.bits());
       } else if (kind < 4) {
         paint_photo(canvas, x0, y, x1, y + block, random.bits());
       } else {
@@ -139,13 +140,12 @@ inline Canvas plaster(std::uint64_t seed) {
   Random random(seed + 3);
   for (int i = 0; i < 260; ++i) {  // scratches, nail holes, stains
     const int x = random.below(512), y = random.below(512);
+    const int dx = random.below(24), dy = random.below(24);
     const double s = random.range(0.62, 1.2);
     if (random.below(3))
-      canvas.ellipse(x, y, 1 + random.below(3), 1 + random.below(3),
-                     scaled(unpack(canvas.at(x, y)), s));
+      canvas.ellipse(x, y, 1 + dx % 3, 1 + dy % 3, scaled(unpack(canvas.at(x, y)), s));
     else
-      canvas.line(x, y, x + random.below(24) - 12, y + random.below(24) - 12, 1,
-                  scaled(unpack(canvas.at(x, y)), s));
+      canvas.line(x, y, x + dx - 12, y + dy - 12, 1, scaled(unpack(canvas.at(x, y)), s));
   }
   return canvas;
 }
@@ -163,8 +163,9 @@ inline Canvas carpet(std::uint64_t seed) {
   canvas.noise(0.45, 2, 2, seed + 3);
   for (int i = 0; i < 900; ++i) {  // flecks
     const int x = random.below(1024), y = random.below(1024);
-    canvas.ellipse(x, y, 1 + random.below(5), 1 + random.below(4),
-                   scaled(random_color(random, 60, 190), random.range(0.5, 1.2)));
+    const int rx = 1 + random.below(5), ry = 1 + random.below(4);
+    const Color color = random_color(random, 60, 190);
+    canvas.ellipse(x, y, rx, ry, scaled(color, random.range(0.5, 1.2)));
   }
   return canvas;
 }
@@ -237,8 +238,10 @@ inline Canvas screen(std::uint64_t seed) {
     const bool dark = random.below(2) != 0;
     canvas.rectangle(x, y, x + w, y + 10, random_color(random, 60, 220));
     canvas.rectangle(x, y + 10, x + w, y + h, dark ? Color{24, 26, 32} : Color{238, 238, 238});
-    canvas.text(x + 6, y + 16, x + w - 6, y + h, 1 + random.below(2),
-                dark ? random_color(random, 120, 255) : Color{30, 30, 40}, random.bits());
+    const int size = 1 + random.below(2);
+    const Color ink = random_color(random, 120, 255);
+    canvas.text(x + 6, y + 16, x + w - 6, y + h, size, dark ? ink : Color{30, 30, 40},
+                random.bits());
   }
   paint_photo(canvas, 370, 130, 480, 220, random.bits());
   canvas.rectangle(10, 234, 502, 246, {40, 44, 60});

@@ -25,8 +25,8 @@ class People {
     const Lane lanes[] = {
         {{-1.5, 0.5, -1.85, -1.15, 0.35}, 0.60, 0.80, 2},  // at 1.05 to 1.75 m from the camera
         {{-1.9, 1.9, 0.0, 1.55, 0.45}, 0.80, 1.20, 6},     // around the island
-        {{2.5, 3.0, -2.2, 2.2, 0.25}, 0.60, 1.00, 4},    // right
-        {{-3.0, -2.5, -2.2, 2.2, 0.25}, 0.60, 1.00, 4},  // left; passes behind the partition
+        {{2.5, 3.0, -2.2, 2.2, 0.25}, 0.60, 1.00, 4},      // right
+        {{-3.0, -2.5, -2.2, 2.2, 0.25}, 0.60, 1.00, 4},    // left; passes behind the partition
         {{-2.1, 2.1, 2.1, 2.65, 0.27}, 0.90, 1.40, 4}};    // at the far side
     // Who comes first walks where most is seen of him.
     const int order[] = {0, 0, 1, 4, 1, 1, 4, 2, 1, 3, 1, 4, 2, 1, 3, 4, 2, 3, 2, 3};

@@ -78,9 +78,11 @@ inline RoomPlan build_room(StaticScene& scene, std::uint64_t seed) {
         make.cabinet(at, w, depth, random.range(0.7, 1.2));
         make.poster_on(moved(above, {0, 0, 1.95}), true);
       } else if (kind == 3) {
-        for (int i = 0; i < 2; ++i)
-          make.box(moved(at, {random.range(-0.05, 0.05), 0, 0.36 * i}, random.range(-0.06, 0.06)),
-                   {std::min(w, 0.6), depth * 0.85, 0.36}, make.carton_texture(), 0);
+        for (int i = 0; i < 2; ++i) {
+          const double slip = random.range(-0.05, 0.05), turn = random.range(-0.06, 0.06);
+          make.box(moved(at, {slip, 0, 0.36 * i}, turn), {std::min(w, 0.6), depth * 0.85, 0.36},
+                   make.carton_texture(), 0);
+        }
         make.poster_on(moved(above, {0, 0, 1.55}), false);
       } else if (kind == 4) {
         const double half = w / 4;
