@@ -1,0 +1,95 @@
+// SPDX-License-Identifier: BSD-2-Clause
+// All stages together, per frame: compute_mask() with a segmentation that is there, and select().
+// Counter `of_orb`: CPU time as a share of the extraction of 3000 ORB keypoints, measured just
+// before and just after.
+#include <benchmark/benchmark.h>
+
+#include <ctime>
+
+#include "scene.hpp"
+#include "stillpoint/front_end.hpp"
+
+namespace stillpoint {
+namespace bench {
+namespace {
+
+constexpr int kWarmUp = 16;  // the first frames allocate
+
+void run(benchmark::State& state, const FrontEndSettings& settings, const Scene& scene) {
+  cv::setNumThreads(1);
+  FrontEnd front_end(settings, scene.camera);
+  Player player(scene);
+  double keypoints = 0, kept = 0, share = 0;
+  for (int i = 0; i < kWarmUp; ++i) {
+    front_end.compute_mask(player.next(), player.segmentation());
+    front_end.select(player.keypoints());
+  }
+  for (auto _ : state) {
+    front_end.compute_mask(player.next(), player.segmentation());
+    benchmark::DoNotOptimize(front_end.select(player.keypoints()).kept.data());
+    keypoints += front_end.stats().keypoints;
+    kept += front_end.stats().kept;
+    share += front_end.stats().mask_share;
+  }
+  const double iterations = static_cast<double>(state.iterations());
+  state.counters["keypoints"] = keypoints / iterations;
+  state.counters["kept"] = kept / iterations;
+  state.counters["mask_share"] = share / iterations;
+}
+
+void BM_FrontEnd(benchmark::State& state, const FrontEndSettings& settings) {
+  const double before = orb_seconds();
+  const std::clock_t start = std::clock();
+  run(state, settings, rendered_scene());
+  const double seconds = static_cast<double>(std::clock() - start) / CLOCKS_PER_SEC;
+  const double after = orb_seconds();
+  state.counters["of_orb"] =
+      seconds / static_cast<double>(state.iterations() + kWarmUp) / (0.5 * (before + after));
+}
+BENCHMARK_CAPTURE(BM_FrontEnd, default, FrontEndSettings())->Unit(benchmark::kMicrosecond);
+BENCHMARK_CAPTURE(BM_FrontEnd, paper, FrontEndSettings::paper())->Unit(benchmark::kMicrosecond);
+
+// --- how cost grows ---------------------------------------------------------------------------
+
+void by_pixels(benchmark::State& state, const FrontEndSettings& settings) {
+  const Scene scene = scaled_scene(picture_sizes()[static_cast<std::size_t>(state.range(0))]);
+  run(state, settings, scene);
+  state.SetComplexityN(scene.frames[0].color.size().area());
+  state.counters["pixels"] = scene.frames[0].color.size().area();
+}
+
+void by_keypoints(benchmark::State& state, const FrontEndSettings& settings) {
+  Scene scene = rendered_scene();
+  for (std::size_t i = 0; i < scene.keypoints.size(); ++i)
+    scene.keypoints[i] =
+        even_keypoints(static_cast<std::size_t>(state.range(0)), scene.frames[0].color.size(), i);
+  run(state, settings, scene);
+  state.SetComplexityN(state.range(0));
+}
+
+void by_people(benchmark::State& state, const FrontEndSettings& settings) {
+  run(state, settings, crowd_scene(static_cast<int>(state.range(0))));
+  state.SetComplexityN(state.range(0));
+}
+
+const bool registered = [] {
+  for (const bool paper : {false, true}) {
+    const std::string name = std::string("BM_FrontEnd/") + (paper ? "paper" : "default");
+    const FrontEndSettings settings = paper ? FrontEndSettings::paper() : FrontEndSettings();
+    auto* pixels = benchmark::RegisterBenchmark((name + "/by_pixels").c_str(), by_pixels, settings);
+    for (std::size_t i = 0; i < picture_sizes().size(); ++i)
+      pixels->Arg(static_cast<std::int64_t>(i));
+    auto* keypoints =
+        benchmark::RegisterBenchmark((name + "/by_keypoints").c_str(), by_keypoints, settings);
+    for (const int n : keypoint_counts()) keypoints->Arg(n);
+    auto* people = benchmark::RegisterBenchmark((name + "/by_people").c_str(), by_people, settings);
+    for (const int n : people_counts()) people->Arg(n);
+    for (auto* b : {pixels, keypoints, people})
+      b->Unit(benchmark::kMicrosecond)->Complexity(benchmark::oN);
+  }
+  return true;
+}();
+
+}  // namespace
+}  // namespace bench
+}  // namespace stillpoint

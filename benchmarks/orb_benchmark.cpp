@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: BSD-2-Clause
+// The yardstick: what a SLAM system spends on its keypoints anyway.
+#include <benchmark/benchmark.h>
+
+#include <ctime>
+
+#include "scene.hpp"
+
+namespace stillpoint {
+namespace bench {
+
+double orb_seconds() {
+  const Scene& scene = rendered_scene();
+  const cv::Ptr<cv::ORB> orb = cv::ORB::create(3000);
+  std::vector<cv::KeyPoint> keypoints;
+  cv::Mat descriptors;
+  constexpr int kTimes = 16;
+  const std::clock_t start = std::clock();
+  for (std::size_t i = 0; i < kTimes; ++i)
+    orb->detectAndCompute(scene.grey[i % scene.grey.size()], cv::noArray(), keypoints, descriptors);
+  return static_cast<double>(std::clock() - start) / CLOCKS_PER_SEC / kTimes;
+}
+
+namespace {
+
+void BM_OrbExtraction(benchmark::State& state) {
+  const Scene& scene = rendered_scene();
+  cv::setNumThreads(1);
+  const cv::Ptr<cv::ORB> orb = cv::ORB::create(static_cast<int>(state.range(0)));
+  std::vector<cv::KeyPoint> keypoints;
+  cv::Mat descriptors;
+  std::size_t i = 0, found = 0;
+  for (auto _ : state) {
+    orb->detectAndCompute(scene.grey[i++ % scene.grey.size()], cv::noArray(), keypoints,
+                          descriptors);
+    found += keypoints.size();
+  }
+  state.counters["keypoints"] =
+      static_cast<double>(found) / static_cast<double>(state.iterations());
+}
+BENCHMARK(BM_OrbExtraction)->Arg(1000)->Arg(3000)->Unit(benchmark::kMillisecond);
+
+}  // namespace
+}  // namespace bench
+}  // namespace stillpoint
