@@ -214,8 +214,8 @@ void add_bench_command(CLI::App& app) {
       ->type_name("DIR");
   command->add_flag("--fresh", options->fresh, "Run everything again, also what is there");
   command->footer(R"(
-Variants: off, paper, default, no_compensation, no_depth, no_probability, motion, motion_alone, truth (masks_gt as masks,
-nothing to repair).
+Variants: off, paper, default, no_compensation, no_depth, no_probability, motion (with the motion
+check), motion_alone (and without masks), truth (masks_gt as masks, nothing to repair).
 
 Examples:
   stillpoint bench walk_xyz walk_rpy --out bench

@@ -48,6 +48,9 @@ void run(RunCommand command) {
   // What an earlier run left must not be taken for this one's.
   for (const char* name : {"trajectory.txt", "stats.json", "map.ply", "keypoints.csv"})
     fs::remove(command.out / name);
+  if (command.overlay_every > 0)
+    for (const SequenceEntry& entry : sequence.entries())
+      fs::remove(command.out / "overlays" / (entry.stem + ".png"));
   RunOutputs outputs;
   outputs.trajectory = command.out / "trajectory.txt";
   outputs.map_ply = command.out / "map.ply";
@@ -91,11 +94,9 @@ void add_run_command(CLI::App& app) {
       ->required()
       ->type_name("DIR");
   add_system_options(command, s);
-  choices(
-      command->add_option("--preset", s.preset,
-                          "default: ours; motion: ours, and what moves without a name; paper: the "
-                          "literal method  [default]"),
-      {"default", "motion", "paper"});
+  choices(command->add_option("--preset", s.preset,
+                              "motion: default, and movers without a name  [default]"),
+          {"default", "motion", "paper"});
   choices(command->add_option_function<std::string>(
               "--front-end", [&s](const std::string& value) { s.front_end = value == "on"; },
               "off: the tracker alone, for comparison  [on]"),
@@ -140,6 +141,9 @@ Examples:
   stillpoint run walk --out out --front-end off             the tracker alone
   stillpoint run walk --out out --without depth             leave one stage out
   stillpoint run walk --out out --save-overlays 10          pictures of every tenth frame
+
+Presets: default is ours; paper the literal method of the paper; motion the default with the motion
+check, which finds what moves although no segmenter names it, also with --segmenter none.
 
 Masks: 8-bit PNGs named like the color files (rgb/12.5.jpg: 12.5.png), 0 = background, k = object k; a
 picture with only 0 and 255 is split into connected parts. An empty picture says that nobody is there;

@@ -150,20 +150,26 @@ void RunRecorder::summarize(Json& stats, bool front_end) const {
   stats["status"] = Json::object();
   for (const auto& [name, count] : status) stats["status"][name] = count;
 
-  Json& keypoints = stats["keypoints"];
-  keypoints = {{"extracted", extracted.value()}, {"kept", kept.value()}};
+  // Objects of their own, put in at the end: a reference into an ordered JSON object does not live
+  // through the next insertion.
+  Json keypoints = {{"extracted", extracted.value()}, {"kept", kept.value()}};
   if (any_truth_) keypoints["kept_on_people"] = tracked_keypoints.share_of_kept_on_people();
-  if (!front_end) return;
-  stats["mask_share"] = share.value();
-  stats["restored_per_frame"] = restored.value();
-  if (!any_truth_) return;
+  if (front_end) {
+    stats["mask_share"] = share.value();
+    stats["restored_per_frame"] = restored.value();
+  }
+  if (!front_end || !any_truth_) {
+    stats["keypoints"] = keypoints;
+    return;
+  }
   keypoints["precision"] = judged_keypoints.counts.precision();
   keypoints["recall"] = judged_keypoints.counts.recall();
   keypoints["f1"] = judged_keypoints.counts.f1();
   keypoints["static_kept"] = judged_keypoints.share_of_static_kept();
+  stats["keypoints"] = keypoints;
 
   const double blurred_below = quantile(sharp, 1.0 / 3);
-  Json& masks = stats["masks"];
+  Json masks;
   masks["frames"] = sharp.size();
   for (const bool after : {false, true}) {
     MaskMetrics all, blurred;
@@ -179,6 +185,7 @@ void RunRecorder::summarize(Json& stats, bool front_end) const {
     masks["iou" + suffix + "_blurred"] = blurred.mean_iou();
     masks["recall" + suffix + "_blurred"] = blurred.mean_recall();
   }
+  stats["masks"] = masks;
 }
 
 Json RunRecorder::series(bool front_end) const {
