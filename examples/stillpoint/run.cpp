@@ -27,16 +27,18 @@ std::string settings_line(const RunSettings& s, bool segmenter_was_open) {
   line += "; segmenter " + s.segmenter;
   if (s.segmenter == "mask_files") line += " (" + s.masks.string() + ")";
   if (segmenter_was_open && s.segmenter == "none")
-    line += ", as there is no folder masks: nothing will be masked";
+    line += ", as there is no folder masks" +
+            std::string(s.preset == "motion" ? "" : ": nothing will be masked");
   return line + "; tracker " + s.tracker;
 }
 
 void run(RunCommand command) {
   RunSettings& settings = command.settings;
   const bool segmenter_was_open = settings.segmenter.empty();
-  open_sequence(settings.sequence,
-                settings.camera);  // bad input is said before anything is written
+  // Bad input is said before anything is written.
+  const TumSequence sequence = open_sequence(settings.sequence, settings.camera);
   choose_segmenter(settings);
+  make_segmenter(settings, sequence);
   std::printf("%s\n", settings_line(settings, segmenter_was_open).c_str());
   std::fflush(stdout);
 
@@ -45,6 +47,10 @@ void run(RunCommand command) {
     throw Error(
         "--out: " + command.out.string() +
         " is the sequence itself; results would overwrite its files, choose another folder");
+  if (command.save_masks && fs::exists(command.out / "masks") && !settings.masks.empty() &&
+      fs::equivalent(command.out / "masks", settings.masks))
+    throw Error("--save-masks: would overwrite the masks that are read from " +
+                settings.masks.string() + "; choose another --out");
   // What an earlier run left must not be taken for this one's.
   for (const char* name : {"trajectory.txt", "stats.json", "map.ply", "keypoints.csv"})
     fs::remove(command.out / name);
