@@ -17,9 +17,9 @@ namespace stillpoint {
 struct MaskDamage {
   /// A spell of frames in which the whole instance is missing begins with this chance on a sharp
   /// picture, and more per pixel of blur.
-  double miss_chance = 0.002, miss_chance_per_px = 0.0026;
+  double miss_chance = 0.002, miss_chance_per_px = 0.0021;
   /// The same for one limb (or the carried object).
-  double limb_chance = 0.008, limb_chance_per_px = 0.004;
+  double limb_chance = 0.008, limb_chance_per_px = 0.0034;
   /// Spells last 1 to this many frames.
   int longest_spell = 5;
   /// Borders wander by about this many pixels, and more per pixel of blur (at 640 wide).

@@ -42,12 +42,15 @@ class People {
       p.way = lanes[which].way;
       p.speed = lane_random.range(lanes[which].slowest, lanes[which].fastest);
       p.backwards = lane_random.below(2) != 0;
-      if (which == 0) p.backwards = near_lane_backwards;
+      if (which == 0) {
+        p.backwards = near_lane_backwards;
+        p.slowing = 0.08, p.slowest_m = 0.65;
+      }
       // On the near lane the first two follow each other closely, so that they cross together, and
       // the crossing comes soon.
       const double start =
           which == 0 ? (p.backwards ? 0.36 : 0.0) + lane_random.range(0.0, 0.1) : lane_random();
-      const double behind = which == 0 ? 0.27 : 1.0 / total[which];
+      const double behind = which == 0 ? 0.33 : 1.0 / total[which];
       p.start_m = p.way.length() * (start + behind * taken[which]++);
       p.step_phase = random(), p.phase = 10 * random();
       p.seat = seated && i < static_cast<int>(seats_.size()) ? i : -1;
@@ -90,6 +93,8 @@ class People {
   struct Person {
     RoundedRectangle way{0, 1, 0, 1, 0.2};
     double speed = 1, start_m = 0, step_phase = 0, phase = 0;
+    /// How much slower, and where on the way.
+    double slowing = 0, slowest_m = 0;
     bool backwards = false, carries = false;
     int seat = -1;
     Outfit outfit;
@@ -99,6 +104,18 @@ class People {
     RoundedRectangle::Place at = p.way.at(p.start_m + (p.backwards ? -s : s));
     if (p.backwards) at.direction = -at.direction;
     return at;
+  }
+  /// Metres walked since the start. On the near lane people are slowest in the middle of the view
+  /// and catch up behind.
+  static double way_walked(const Person& p, double t) {
+    const double s = p.speed * t;
+    if (p.slowing == 0) return s;
+    const double length = p.way.length();
+    const auto shift = [&](double at) {
+      return p.slowing * length * sine(2 * kPi * (at - p.slowest_m) / length);
+    };
+    const double sign = p.backwards ? -1 : 1;
+    return sign * (sign * s - shift(p.start_m + sign * s) + shift(p.start_m));
   }
   /// Direction of the way, averaged over the body's turning.
   static Vec3 heading(const Person& p, double s) {
@@ -126,7 +143,7 @@ class People {
   static Pose walking(const Person& p, double t) {
     const double k = p.outfit.height_m / 1.75;
     const double stride = (0.5 + 0.68 * p.speed) * k;  // two steps
-    const double s = p.speed * t, cycle = s / stride + p.step_phase;
+    const double s = way_walked(p, t), cycle = s / stride + p.step_phase;
     const Vec3 up{0, 0, 1};
     Pose pose;
     pose.facing = heading(p, s);
