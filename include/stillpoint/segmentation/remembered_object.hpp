@@ -13,6 +13,7 @@
 #include <string>
 #include <vector>
 
+#include "stillpoint/core/byte_rows.hpp"
 #include "stillpoint/core/camera.hpp"
 #include "stillpoint/core/depth_view.hpp"
 #include "stillpoint/core/frame.hpp"
@@ -48,17 +49,18 @@ class RememberedObject {
     if (limit && limit->mask.empty()) limit = nullptr;
     box_ = limit ? instance.box & limit->box : instance.box;
     mask_.resize(static_cast<std::size_t>(box_.area()));
+    const std::size_t width = static_cast<std::size_t>(box_.width);
     for (int y = 0; y < box_.height; ++y) {
-      uchar* to = mask_.data() + static_cast<std::size_t>(y) * static_cast<std::size_t>(box_.width);
+      uchar* to = mask_.data() + static_cast<std::size_t>(y) * width;
       const uchar* in = row_at(instance, y);
       const uchar* also = limit ? row_at(*limit, y) : nullptr;
       if (!in) in = also, also = nullptr;
       if (!in)
-        std::memset(to, 255, static_cast<std::size_t>(box_.width));
+        std::memset(to, 255, width);
       else if (!also)
-        std::memcpy(to, in, static_cast<std::size_t>(box_.width));
+        std::memcpy(to, in, width);
       else
-        for (int x = 0; x < box_.width; ++x) to[x] = static_cast<uchar>(in[x] & also[x]);
+        detail::and_rows(in, also, width, to);
     }
     // The picture is only looked at where the depth cannot tell.
     if (depth.empty()) patch_.sample(frame.color, instance);
@@ -148,19 +150,27 @@ class RememberedObject {
 
   /// ORs the predicted mask into `out`, which covers `area` of the picture. O(area).
   void draw_predicted(const cv::Rect& area, cv::Mat& out) const {
+    const cv::Rect part = predicted_box({area.x + area.width, area.y + area.height}) & area;
+    if (part.empty()) return;
     const Eigen::Matrix2d inverse = affine_.leftCols<2>().inverse();
     const Eigen::Vector2d offset = -inverse * affine_.col(2);
-    const cv::Rect part = predicted_box({area.x + area.width, area.y + area.height}) & area;
+    const bool only_moved = affine_.leftCols<2>().isIdentity(0);
+    // Place in the mask in 2^-32 pixels, of a row's first pixel and per step.
+    const auto fixed = [](double v, double limit) {
+      return static_cast<std::int64_t>(
+          std::floor(std::min(limit, std::max(-limit, v)) * 4294967296.0));
+    };
+    const std::int64_t step_x = fixed(inverse(0, 0), 1e4), step_y = fixed(inverse(1, 0), 1e4);
     for (int y = part.y; y < part.y + part.height; ++y) {
-      uchar* to = out.ptr<uchar>(y - area.y) - area.x;
-      double sx = inverse(0, 0) * part.x + inverse(0, 1) * y + offset.x() - box_.x + 0.5;
-      double sy = inverse(1, 0) * part.x + inverse(1, 1) * y + offset.y() - box_.y + 0.5;
-      for (int x = part.x; x < part.x + part.width; ++x) {
-        if (sx >= 0 && sy >= 0 && sx < box_.width && sy < box_.height)
-          to[x] |= mask_[static_cast<std::size_t>(sy) * static_cast<std::size_t>(box_.width) +
-                         static_cast<std::size_t>(sx)];
-        sx += inverse(0, 0), sy += inverse(1, 0);
-      }
+      std::int64_t sx =
+          fixed(inverse(0, 0) * part.x + inverse(0, 1) * y + offset.x() - box_.x + 0.5, 1e9);
+      std::int64_t sy =
+          fixed(inverse(1, 0) * part.x + inverse(1, 1) * y + offset.y() - box_.y + 0.5, 1e9);
+      uchar* to = out.ptr<uchar>(y - area.y) + part.x - area.x;
+      if (only_moved)
+        or_row(static_cast<int>(sx >> 32), static_cast<int>(sy >> 32), part.width, to);
+      else
+        or_sampled(sx, sy, step_x, step_y, part.width, to);
     }
   }
 
@@ -177,6 +187,28 @@ class RememberedObject {
     return instance.mask.empty()
                ? nullptr
                : instance.mask.ptr<uchar>(box_.y + y - instance.box.y) + (box_.x - instance.box.x);
+  }
+
+  // ORs n pixels of the mask from (x, y) on, those that are in it.
+  void or_row(int x, int y, int n, uchar* to) const {
+    if (y < 0 || y >= box_.height) return;
+    const int first = std::max(0, -x), last = std::min(n, box_.width - x);
+    if (first >= last) return;
+    const uchar* row = mask_.data() + static_cast<std::ptrdiff_t>(y) * box_.width;
+    detail::or_into(row + x + first, static_cast<std::size_t>(last - first), to + first);
+  }
+
+  void or_sampled(std::int64_t x, std::int64_t y, std::int64_t step_x, std::int64_t step_y, int n,
+                  uchar* to) const {
+    const std::uint64_t width = static_cast<std::uint64_t>(box_.width);
+    const std::uint64_t height = static_cast<std::uint64_t>(box_.height);
+    const uchar* mask = mask_.data();
+    for (int i = 0; i < n; ++i, x += step_x, y += step_y) {
+      // Negative places become huge.
+      const std::uint64_t u = static_cast<std::uint64_t>(x >> 32);
+      const std::uint64_t v = static_cast<std::uint64_t>(y >> 32);
+      if (u < width && v < height) to[i] = static_cast<uchar>(to[i] | mask[v * width + u]);
+    }
   }
 
   // Pixels spread over the mask, and pixels around it that show something else.
