@@ -69,6 +69,7 @@ TEST(DegradedMasks, MissesComeInSpellsOfOneToFiveFrames) {
   MaskDamage damage;
   damage.miss_chance = 0.02, damage.miss_chance_per_px = 0;
   damage.limb_chance = damage.limb_chance_per_px = 0;
+  damage.border_px = damage.border_px_per_px = 0;
   int run = 0, runs = 0, longest = 0, missed = 0;
   for (int i = 0; i < 400; ++i) {
     const cv::Mat masks = degrade_masks(
