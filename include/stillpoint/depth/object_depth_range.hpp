@@ -68,6 +68,10 @@ class ObjectDepthRange {
     return true;
   }
 
+  /// The samples that find_on_mask() looked at, in units: one for each of the cells that the box
+  /// touches, row by row; 0 where the sample is not on the mask or has no depth.
+  const std::uint16_t* samples_on_mask() const { return samples_.data(); }
+
  private:
   static constexpr int kBins = 256;
   static constexpr float kBinM = 0.05f;
@@ -81,15 +85,20 @@ class ObjectDepthRange {
     const cv::Rect cells = samples.cells_of(box);
     const float to_bin = depth.metres_per_unit_value() / kBinM;
     const bool bare = instance.mask.empty();
+    const std::size_t n = static_cast<std::size_t>(cells.area());
+    if (samples_.size() < n) samples_.resize(n);
+    std::uint16_t* sample = samples_.data();
     int on_mask = 0, measured = 0;
     for (int cy = cells.y; cy < cells.y + cells.height; ++cy)
-      for (int cx = cells.x; cx < cells.x + cells.width; ++cx) {
+      for (int cx = cells.x; cx < cells.x + cells.width; ++cx, ++sample) {
         const cv::Point p = samples.place(cx, cy, depth.size());
+        *sample = 0;
         if (!box.contains(p)) continue;
         if (!bare && instance.mask.ptr<uchar>(p.y - box.y)[p.x - box.x] == 0) continue;
         ++on_mask;
         const std::uint16_t z = depth.row(p.y)[p.x];
         if (z == 0) continue;
+        *sample = z;
         ++measured;
         // In a bare box the person is in the middle columns.
         const bool central = bare && 8 * std::abs(2 * (p.x - box.x) - box.width) < 3 * box.width;
@@ -137,6 +146,7 @@ class ObjectDepthRange {
   std::array<int, kBins> histogram_{};
   int total_ = 0;
   std::vector<float> values_;
+  std::vector<std::uint16_t> samples_;
 };
 
 }  // namespace stillpoint

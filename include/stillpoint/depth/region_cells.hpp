@@ -1,0 +1,254 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <opencv2/core.hpp>
+#include <vector>
+
+#include "stillpoint/core/config.hpp"
+#include "stillpoint/core/depth_view.hpp"
+#include "stillpoint/core/scratch.hpp"
+#include "stillpoint/depth/depth_mask_fuser_settings.hpp"
+#include "stillpoint/depth/dilate.hpp"
+#include "stillpoint/depth/floor_plane.hpp"
+#include "stillpoint/depth/object_depth_range.hpp"
+#include "stillpoint/depth/stratified_samples.hpp"
+
+namespace stillpoint {
+
+/// An object's region on cells with one depth sample each: those on its mask in its depth range are
+/// the core, and the core grows over connected depth, but not into the floor.
+class RegionCells {
+ public:
+  /// Grows the region of an object whose mask's samples and range `ranges` has just found.
+  /// O(cells of the box and of what it grows over).
+  void grow(const DepthView& depth, const StratifiedSamples& samples, const InversePlane& floor,
+            const ObjectDepthRange& ranges, const DepthRange& range, const cv::Rect& box, bool bare,
+            const DepthMaskFuserSettings& settings) {
+    const int cell = settings.cell_px;
+    const float px_per_m = depth.focal_px() / range.middle_m;
+    const int reach = std::max(
+        1, static_cast<int>(settings.growth_m * px_per_m / static_cast<float>(cell) + 0.5f));
+    cells_ = samples.cells_of(grow_rect(box, bare ? cell : (reach + 1) * cell, depth.size()));
+    stride_ = static_cast<std::size_t>(cells_.width) + 2;
+    const std::size_t n = stride_ * (static_cast<std::size_t>(cells_.height) + 2);
+    if (z_.size() < n) z_.resize(n);
+    // A rim of kOutside around the cells spares asking for their borders.
+    detail::refill(state_, n, kOutside);
+    for (int y = 0; y < cells_.height; ++y)
+      std::fill_n(state_.begin() + static_cast<std::ptrdiff_t>(index(0, y)), cells_.width,
+                  kUnknown);
+    used_ = samples.cells_of(box) - cells_.tl();
+    seed_core(depth, samples, floor, ranges, range);
+    queue_border();
+    spread(depth, samples, floor, range, settings.range_m, reach);
+    // One cell more: pixels of the region lie in the cells around it, too.
+    used_ = cv::Rect(used_.x - 1, used_.y - 1, used_.width + 2, used_.height + 2) &
+            cv::Rect(0, 0, cells_.width, cells_.height);
+    row_ = -2;
+  }
+
+  /// The cells around the object's box and region, in the picture's cells.
+  cv::Rect used() const { return used_ + cells_.tl(); }
+
+  /// Sets the range of depths of each cell's pixels in a row of used(): what the samples of the
+  /// cell and of its eight neighbors in the region took, with some slack. `lo` and `span` get one
+  /// number per cell, in units; a cell without any takes a range that no depth has. Returns the
+  /// first cell with a range and the one after the last; ask for rows in order. O(cells).
+  cv::Range set_ranges(const DepthView& depth, int row, std::uint16_t* lo, std::uint16_t* span) {
+    const int y = used_.y + row;
+    if (row_ != row - 1) {
+      load_row(y - 1), load_row(y);
+    }
+    load_row(y + 1);
+    row_ = row;
+    const std::size_t n = static_cast<std::size_t>(used_.width);
+    merge_rows(low_rows_[0].data(), low_rows_[1].data(), low_rows_[2].data(), high_rows_[0].data(),
+               high_rows_[1].data(), high_rows_[2].data(), n + 2, low_.data(), high_.data());
+    int first = used_.width, last = 0;
+    for (int x = 0; x < used_.width; ++x) {
+      const std::size_t i = static_cast<std::size_t>(x);
+      const float high = std::max({high_[i], high_[i + 1], high_[i + 2]});
+      // A fraction of a millimetre.
+      lo[i] = 1, span[i] = 0;
+      if (!(high > 0)) continue;
+      first = std::min(first, x), last = x + 1;
+      const float low = std::min({low_[i], low_[i + 1], low_[i + 2]});
+      const float slack = 0.03f + 0.01f * low;
+      const int from = std::max(1, depth.first_units(low - slack));
+      const int to = std::max(from, depth.last_units(high + slack));
+      lo[i] = static_cast<std::uint16_t>(from), span[i] = static_cast<std::uint16_t>(to - from);
+    }
+    return {std::min(first, last), last};
+  }
+
+ private:
+  static constexpr std::uint8_t kUnknown = 0, kOutside = 1, kOpen = 2, kRegion = 3;
+  static constexpr float kNone = 1e9f;
+  struct Visit {
+    int x, y, distance;
+  };
+
+  std::size_t index(int x, int y) const {
+    return static_cast<std::size_t>(y + 1) * stride_ + static_cast<std::size_t>(x + 1);
+  }
+
+  void seed_core(const DepthView& depth, const StratifiedSamples& samples,
+                 const InversePlane& floor, const ObjectDepthRange& ranges,
+                 const DepthRange& range) {
+    const float slack = 0.05f, lo = range.lo_m - slack, hi = range.hi_m + slack;
+    const std::uint16_t* sample = ranges.samples_on_mask();
+    for (int y = used_.y; y < used_.y + used_.height; ++y, sample += used_.width) {
+      const std::size_t i = index(used_.x, y);
+      seed_row(sample, static_cast<std::size_t>(used_.width), depth.metres_per_unit_value(), lo, hi,
+               z_.data() + i, state_.data() + i);
+      if (!floor.found || !row_may_be_floor(depth, samples, floor, y, hi)) continue;
+      for (int x = 0; x < used_.width; ++x) {
+        const std::size_t j = i + static_cast<std::size_t>(x);
+        if (state_[j] != kRegion) continue;
+        if (is_floor(depth, floor, place(samples, depth, used_.x + x, y), z_[j]))
+          state_[j] = kOutside;
+      }
+    }
+  }
+
+  static void seed_row(const std::uint16_t* STILLPOINT_RESTRICT sample, std::size_t n,
+                       float metres_per_unit, float lo, float hi, float* STILLPOINT_RESTRICT z,
+                       std::uint8_t* STILLPOINT_RESTRICT state) {
+    for (std::size_t x = 0; x < n; ++x) {
+      z[x] = static_cast<float>(sample[x]) * metres_per_unit;
+      const bool in_range = (sample[x] != 0) & (z[x] >= lo) & (z[x] <= hi);
+      state[x] = in_range ? kRegion : kUnknown;
+    }
+  }
+
+  cv::Point place(const StratifiedSamples& samples, const DepthView& depth, int x, int y) const {
+    return samples.place(x + cells_.x, y + cells_.y, depth.size());
+  }
+
+  // False if no sample of the row, up to `hi` away, can be floor: the plane's inverse depth is
+  // largest at one end of the row, and the ends are looked at generously.
+  bool row_may_be_floor(const DepthView& depth, const StratifiedSamples& samples,
+                        const InversePlane& floor, int y, float hi) const {
+    const int cell = samples.cell_px();
+    float most = 0;
+    for (const int u : {0, 1})
+      for (const int v : {0, 1}) {
+        const int x = (cells_.x + used_.x) * cell + u * (used_.width + 1) * cell;
+        most = std::max(most, inverse_of(depth, floor, {x, (cells_.y + y + v) * cell}));
+      }
+    return (hi + 0.02f) * most > 0.98f;
+  }
+
+  static float inverse_of(const DepthView& depth, const InversePlane& floor, const cv::Point& p) {
+    return floor.a * depth.ray_x(static_cast<float>(p.x)) +
+           floor.b * depth.ray_y(static_cast<float>(p.y)) + floor.c;
+  }
+
+  // Within 1.5 % and 2 cm of the floor, or beyond it.
+  static bool is_floor(const DepthView& depth, const InversePlane& floor, const cv::Point& p,
+                       float z) {
+    return floor.found && (z + 0.02f) * inverse_of(depth, floor, p) > 0.985f;
+  }
+
+  // Growth begins at the core's border; the inner cells have no neighbor to offer.
+  void queue_border() {
+    queue_.clear();
+    for (int y = used_.y; y < used_.y + used_.height; ++y) {
+      const std::size_t i = index(used_.x, y);
+      const std::uint8_t* s = state_.data() + i;
+      border_.resize(std::max(border_.size(), static_cast<std::size_t>(used_.width)));
+      mark_border(s, s - stride_, s + stride_, static_cast<std::size_t>(used_.width),
+                  border_.data());
+      for (int x = 0; x < used_.width; ++x)
+        if (border_[static_cast<std::size_t>(x)]) queue_.push_back({used_.x + x, y, 0});
+    }
+  }
+
+  static void mark_border(const std::uint8_t* s, const std::uint8_t* above,
+                          const std::uint8_t* below, std::size_t n,
+                          std::uint8_t* STILLPOINT_RESTRICT border) {
+    const std::uint8_t *left = s - 1, *right = s + 1;
+    for (std::size_t x = 0; x < n; ++x)
+      border[x] = (s[x] == kRegion) & ((left[x] == kUnknown) | (right[x] == kUnknown) |
+                                       (above[x] == kUnknown) | (below[x] == kUnknown));
+  }
+
+  // Breadth first over cells whose depth goes on without a step.
+  void spread(const DepthView& depth, const StratifiedSamples& samples, const InversePlane& floor,
+              const DepthRange& range, float range_m, int reach) {
+    const float lo = range.lo_m - range_m, hi = range.hi_m + range_m;
+    int x0 = used_.x, y0 = used_.y, x1 = used_.x + used_.width, y1 = used_.y + used_.height;
+    for (std::size_t k = 0; k < queue_.size(); ++k) {
+      const Visit visit = queue_[k];
+      if (visit.distance >= reach) continue;
+      const float z = z_[index(visit.x, visit.y)];
+      const float step = std::max(0.03f, 0.02f * z);
+      static constexpr int kNext[4][2] = {{-1, 0}, {1, 0}, {0, -1}, {0, 1}};
+      for (const auto& next : kNext) {
+        const int x = visit.x + next[0], y = visit.y + next[1];
+        const std::size_t j = index(x, y);
+        if (state_[j] == kUnknown) {
+          const cv::Point p = place(samples, depth, x, y);
+          z_[j] = depth.to_m(depth.row(p.y)[p.x]);
+          const bool in_range = z_[j] > 0 && z_[j] >= lo && z_[j] <= hi;
+          state_[j] = in_range && !is_floor(depth, floor, p, z_[j]) ? kOpen : kOutside;
+        }
+        if (state_[j] != kOpen || std::abs(z_[j] - z) > step) continue;
+        state_[j] = kRegion;
+        queue_.push_back({x, y, visit.distance + 1});
+        x0 = std::min(x0, x), y0 = std::min(y0, y);
+        x1 = std::max(x1, x + 1), y1 = std::max(y1, y + 1);
+      }
+    }
+    used_ = cv::Rect(x0, y0, x1 - x0, y1 - y0);
+  }
+
+  // Takes in the next row of cells: depths of the region, kNone and 0 elsewhere. Row y may lie one
+  // beyond the cells.
+  void load_row(int y) {
+    std::swap(low_rows_[0], low_rows_[1]), std::swap(low_rows_[1], low_rows_[2]);
+    std::swap(high_rows_[0], high_rows_[1]), std::swap(high_rows_[1], high_rows_[2]);
+    const std::size_t n = static_cast<std::size_t>(used_.width) + 2, i = index(used_.x - 1, y);
+    for (auto* v : {&low_rows_[2], &high_rows_[2], &low_, &high_})
+      if (v->size() < n) v->resize(n);
+    split_row(z_.data() + i, state_.data() + i, n, low_rows_[2].data(), high_rows_[2].data());
+  }
+
+  static void split_row(const float* STILLPOINT_RESTRICT z,
+                        const std::uint8_t* STILLPOINT_RESTRICT state, std::size_t n,
+                        float* STILLPOINT_RESTRICT low, float* STILLPOINT_RESTRICT high) {
+    for (std::size_t x = 0; x < n; ++x) {
+      low[x] = state[x] == kRegion ? z[x] : kNone;
+      high[x] = state[x] == kRegion ? z[x] : 0;
+    }
+  }
+
+  static void merge_rows(const float* STILLPOINT_RESTRICT a, const float* STILLPOINT_RESTRICT b,
+                         const float* STILLPOINT_RESTRICT c, const float* STILLPOINT_RESTRICT d,
+                         const float* STILLPOINT_RESTRICT e, const float* STILLPOINT_RESTRICT f,
+                         std::size_t n, float* STILLPOINT_RESTRICT low,
+                         float* STILLPOINT_RESTRICT high) {
+    for (std::size_t x = 0; x < n; ++x) {
+      const float ab = a[x] < b[x] ? a[x] : b[x], de = d[x] > e[x] ? d[x] : e[x];
+      low[x] = ab < c[x] ? ab : c[x];
+      high[x] = de > f[x] ? de : f[x];
+    }
+  }
+
+  cv::Rect cells_;  // the cells that may be looked at
+  cv::Rect used_;   // those that are in use, relative to cells_
+  std::size_t stride_ = 0;
+  std::vector<float> z_;
+  std::vector<std::uint8_t> state_, border_;
+  std::vector<Visit> queue_;
+  std::array<std::vector<float>, 3> low_rows_, high_rows_;
+  std::vector<float> low_, high_;
+  int row_ = -2;
+};
+
+}  // namespace stillpoint
