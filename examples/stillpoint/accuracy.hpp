@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #pragma once
 
+#include <functional>
 #include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
 
 #include "stillpoint/evaluation/coverage.hpp"
 #include "stillpoint/evaluation/trajectory_error.hpp"
@@ -16,23 +19,18 @@ struct Accuracy {
 };
 
 /// Throws Error if fewer than three poses match.
-inline Accuracy measure_accuracy(const Trajectory& groundtruth, const Trajectory& estimate,
-                                 const std::vector<double>& frames,
-                                 const RpeSettings& rpe_settings) {
-  return {ate(groundtruth, estimate), rpe(groundtruth, estimate, rpe_settings),
-          coverage(groundtruth, estimate, frames)};
-}
+Accuracy measure_accuracy(const Trajectory& groundtruth, const Trajectory& estimate,
+                          const std::vector<double>& frames, const RpeSettings& rpe_settings);
 
-inline nlohmann::ordered_json to_json(const Accuracy& a) {
-  return {{"ate_rmse_m", a.ate.rmse_m},
-          {"ate_sd_m", a.ate.sd_m},
-          {"ate_mean_m", a.ate.mean_m},
-          {"ate_median_m", a.ate.median_m},
-          {"ate_max_m", a.ate.max_m},
-          {"rpe_trans_m", a.rpe.translation_m.rmse},
-          {"rpe_rot_deg", a.rpe.rotation_deg.rmse},
-          {"coverage", a.coverage.share},
-          {"pairs", a.ate.pairs}};
-}
+nlohmann::ordered_json to_json(const Accuracy& accuracy);
+
+/// Puts coverage, "coverage_of" and, unless too little was tracked, "evaluation" into `stats`, by
+/// one rule for our own runs and for other systems' trajectories. `frames`: timestamps of all
+/// frames. `series` (may be null) gets error_m, path and truth per frame, for plots. What the user
+/// should know goes to `say`.
+void add_accuracy(nlohmann::ordered_json& stats, nlohmann::ordered_json* series,
+                  const Trajectory& groundtruth, const Trajectory& estimate,
+                  const std::vector<double>& frames,
+                  const std::function<void(const std::string&)>& say);
 
 }  // namespace stillpoint::cli

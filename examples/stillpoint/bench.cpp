@@ -1,8 +1,14 @@
 // SPDX-License-Identifier: BSD-2-Clause
+#include <algorithm>
 #include <chrono>
 #include <cstdio>
 #include <fstream>
+#include <functional>
 #include <memory>
+#include <mutex>
+#include <opencv2/core.hpp>
+#include <set>
+#include <thread>
 
 #include "bench_plan.hpp"
 #include "bench_results.hpp"
@@ -23,6 +29,7 @@ struct BenchOptions {
   fs::path out;
   std::string shard;
   std::vector<fs::path> merge;
+  int parallel = 1;
   bool fresh = false;
 };
 
@@ -34,9 +41,9 @@ bool is_done(const fs::path& file, const Json& key) {
   return old.is_object() && old.contains("stats") && old.value("job", Json()) == key;
 }
 
-void run_one(const BenchJob& job, const Json& key, const fs::path& out, Progress& progress,
-             std::size_t job_index) {
-  const fs::path file = out / job.result_file();
+void run_one(const BenchJob& job, const Json& key, const BenchOptions& options,
+             const std::function<void(double share)>& progress) {
+  const fs::path file = options.out / job.result_file();
   const fs::path base = fs::path(file).replace_extension();  // VARIANT.RUN
   make_folder(file.parent_path());
   RunOutputs outputs;
@@ -54,13 +61,17 @@ void run_one(const BenchJob& job, const Json& key, const fs::path& out, Progress
   Json result;
   result["job"] = key;
   try {
-    result["stats"] = run_job(job.settings, outputs, [&](std::size_t done, std::size_t total) {
-      // A job is a thousand steps, so that sequences of any length share one bar.
-      progress.update(1000 * job_index + 1000 * done / std::max<std::size_t>(1, total));
-    });
+    if (!job.estimate.empty())
+      result["stats"] = judge_estimate(job.settings.sequence, job.estimate, job.settings.frames);
+    else
+      result["stats"] = run_job(job.settings, outputs, [&](std::size_t done, std::size_t total) {
+        progress(static_cast<double>(done) / static_cast<double>(total));
+      });
   } catch (const Error& e) {
     result["error"] = e.what();
   }
+  // Beside other jobs the process's memory is not this one's.
+  if (options.parallel > 1 && result.contains("stats")) result["stats"].erase("peak_memory_mb");
   if (shown && result.contains("stats")) {
     result["overlays"] = Json::array();
     for (const std::string& stem : outputs.overlay_stems)
@@ -108,10 +119,8 @@ Shard parse_shard(const std::string& text) {
   return {index, count};
 }
 
-/// Makes table, CSV, JSON and page of the results in some folders.
-void write_page(const std::vector<fs::path>& folders, const fs::path& out) {
-  const std::vector<Json> results = read_results(folders);
-  if (results.empty()) throw Error("bench: no results in " + folders.front().string() + "/runs");
+/// Makes table, CSV, JSON and page of results.
+void write_page(const std::vector<Json>& results, const fs::path& out) {
   const Json rows = make_rows(results);
   write_json(out / "results.json", {{"command", command_line()}, {"rows", rows}});
   write_file(out / "results.csv", rows_csv(rows), "table");
@@ -120,13 +129,71 @@ void write_page(const std::vector<fs::path>& folders, const fs::path& out) {
               (out / "index.html").string().c_str());
 }
 
+/// Does the jobs that are not done yet, some at a time. Returns false if one of them broke off.
+bool run_jobs(const std::vector<BenchJob>& jobs, const BenchOptions& options) {
+  // One job has the machine for itself; more share it, each with one thread.
+  if (options.parallel > 1) cv::setNumThreads(1);
+  std::mutex mutex;
+  std::size_t next = 0;
+  bool good = true;
+  std::vector<double> shares(jobs.size(), 0);
+  auto bar = std::make_unique<Progress>("bench", 1000 * jobs.size());
+  const auto work = [&] {
+    for (;;) {
+      std::size_t i = 0;
+      {
+        const std::lock_guard<std::mutex> lock(mutex);
+        if (next == jobs.size()) return;
+        i = next++;
+      }
+      const fs::path file = options.out / jobs[i].result_file();
+      const Json key = job_key(jobs[i]);
+      const bool kept = !options.fresh && is_done(file, key);
+      const auto start = std::chrono::steady_clock::now();
+      std::string failure;
+      try {
+        if (!kept)
+          run_one(jobs[i], key, options, [&](double share) {
+            const std::lock_guard<std::mutex> lock(mutex);
+            shares[i] = share;
+            double sum = 0;
+            for (double s : shares) sum += s;
+            // A job is a thousand steps, so that sequences of any length share one bar.
+            if (bar) bar->update(static_cast<std::size_t>(1000 * sum));
+          });
+      } catch (const std::exception& e) {
+        failure = e.what();
+      }
+      const double seconds =
+          std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+      const std::lock_guard<std::mutex> lock(mutex);
+      shares[i] = 1;
+      bar->clear();
+      if (failure.empty()) {
+        print_job(jobs[i], file, kept, seconds);
+      } else {
+        std::printf("%s: %s\n", jobs[i].sequence.c_str(), failure.c_str());
+      }
+      good = good && failure.empty() && is_done(file, key);
+    }
+  };
+  std::vector<std::thread> threads;
+  for (int t = 1; t < options.parallel; ++t) threads.emplace_back(work);
+  work();
+  for (std::thread& thread : threads) thread.join();
+  return good;
+}
+
 void bench(const BenchOptions& options) {
   if (!options.merge.empty()) {
     if (!options.plan.sequences.empty())
       throw CLI::ValidationError("--merge", "runs nothing, so it takes no SEQUENCE; found " +
                                                 options.plan.sequences.front().string());
+    const std::vector<Json> results = read_results(options.merge);
+    if (results.empty())
+      throw Error("bench: no results in " + (options.merge.front() / "runs").string());
     make_folder(options.out);
-    write_page(options.merge, options.out);
+    write_page(results, options.out);
     return;
   }
   if (options.plan.sequences.empty())
@@ -142,28 +209,22 @@ void bench(const BenchOptions& options) {
   if (jobs.empty()) throw Error("bench: nothing to run");
   make_folder(options.out / "runs");
 
-  bool failed = false;
-  for (std::size_t i = 0; i < jobs.size(); ++i) {
-    const fs::path file = options.out / jobs[i].result_file();
-    const Json key = job_key(jobs[i]);
-    const bool done = !options.fresh && is_done(file, key);
-    const auto start = std::chrono::steady_clock::now();
-    if (!done) {
-      Progress progress("run " + std::to_string(i + 1) + " of " + std::to_string(jobs.size()),
-                        1000 * jobs.size());
-      run_one(jobs[i], key, options.out, progress, i);
-    }
-    const double seconds =
-        std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-    print_job(jobs[i], file, done, seconds);
-    failed = failed || !is_done(file, key);
-  }
-  if (shard.count == 1)
-    write_page({options.out}, options.out);
-  else
+  const bool good = run_jobs(jobs, options);
+  if (shard.count == 1) {
+    // What an earlier bench of other sequences or variants left there does not belong to this
+    // table.
+    std::set<std::string> files;
+    for (const BenchJob& job : jobs) files.insert((options.out / job.result_file()).string());
+    std::vector<Json> results = read_results({options.out});
+    results.erase(std::remove_if(results.begin(), results.end(),
+                                 [&](const Json& r) { return !files.count(r["file"]); }),
+                  results.end());
+    write_page(results, options.out);
+  } else {
     std::printf("done with shard %s; when all are: stillpoint bench --merge DIR... --out DIR\n",
                 options.shard.c_str());
-  if (failed) throw Error("bench: at least one run broke off; the lines above say why");
+  }
+  if (!good) throw Error("bench: at least one run broke off; the lines above say why");
 }
 
 }  // namespace
@@ -212,6 +273,14 @@ void add_bench_command(CLI::App& app) {
       ->add_option("--merge", options->merge,
                    "Run nothing: one page of the results in these folders")
       ->type_name("DIR");
+  command
+      ->add_option("--estimate", plan.estimates,
+                   "Another system's trajectory; {} = the sequence's name")
+      ->allow_extra_args(false)
+      ->type_name("NAME=FILE");
+  between(command->add_option("--jobs", options->parallel,
+                              "Runs at the same time; times then mean less  [1]"),
+          1, 256);
   command->add_flag("--fresh", options->fresh, "Run everything again, also what is there");
   command->footer(R"(
 Variants: off, paper, default, no_compensation, no_depth, no_probability, motion (with the motion
@@ -221,6 +290,7 @@ Examples:
   stillpoint bench walk_xyz walk_rpy --out bench
   stillpoint bench walk_xyz --out bench --runs 5 --masks-folder masks --masks-folder masks_4hz
   stillpoint bench walk_* --out bench --variants off,default,truth
+  stillpoint bench walk_* --out bench --estimate 'orb_slam3=results/{}.txt'
 On many machines, then one page of all:
   stillpoint bench walk_* --out shard3 --runs 5 --shard 3/16
   stillpoint bench --merge shard* --out bench

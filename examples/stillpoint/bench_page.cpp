@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <set>
 
 #include "bench_results.hpp"
 #include "overlay.hpp"
@@ -27,7 +28,7 @@ th, td { padding: 3px 9px; text-align: right; white-space: nowrap; border-bottom
 th { background: #f4f5f7; font-weight: 600; vertical-align: bottom; }
 th.group { text-align: center; border-left: 1px solid #ddd; }
 td:first-child, th:first-child { text-align: left; white-space: pre; }
-tr.failed td { color: #a33; background: #fdf1f0; } .figures { display: flex; flex-wrap: wrap; gap: 12px; } svg { max-width: 100%; height: auto; }
+tr.failed td, td.failed { color: #a33; background: #fdf1f0; } .figures { display: flex; flex-wrap: wrap; gap: 12px; } svg { max-width: 100%; height: auto; }
 figure { margin: 0; max-width: 100%; } figure img { max-width: 100%; display: block; }
 figcaption { font-size: 13px; color: #555; padding: 2px 0 10px; }
 code { background: #f4f5f7; padding: 1px 4px; border-radius: 3px; }
@@ -114,8 +115,8 @@ std::string detail_table(const std::vector<const Json*>& rows) {
   return out + "</tbody></table></div>\n";
 }
 
-const char* const kStages[] = {"segmentation", "compensation", "depth",
-                               "probability",  "extraction",   "tracking"};
+const char* const kStages[] = {"segmentation", "motion",     "compensation", "depth",
+                               "probability",  "extraction", "tracking"};
 
 std::string times(const std::vector<const Json*>& rows) {
   StackedBars bars;
@@ -131,8 +132,8 @@ std::string times(const std::vector<const Json*>& rows) {
     bars.labels.back().erase(0, bars.labels.back().find_first_not_of(' '));
     bars.values.emplace_back();
     out += "<tr>" + cell((*row)["label"]);
-    for (const char* stage : {"segmentation", "compensation", "depth", "probability", "extraction",
-                              "tracking", "total"}) {
+    for (const char* stage : {"segmentation", "motion", "compensation", "depth", "probability",
+                              "extraction", "tracking", "total"}) {
       const std::string key = std::string("ms_") + stage;
       const double value = number_at(*row, key + "_median");
       if (bars.values.back().size() < bars.parts.size()) bars.values.back().push_back(value);
@@ -143,7 +144,11 @@ std::string times(const std::vector<const Json*>& rows) {
   return "<div class=\"figures\">" + svg(bars) + "</div>\n" + out + "</tbody></table></div>\n";
 }
 
-/// The runs whose curves are drawn: the first run of these variants, if there.
+bool is_estimate(const Json& result) {
+  return result["job"]["variant"].get<std::string>().compare(0, 9, "estimate_") == 0;
+}
+
+/// The runs whose curves are drawn: the first run of these variants, and other systems' estimates.
 std::vector<const Json*> shown_runs(const std::vector<const Json*>& results) {
   std::vector<const Json*> shown;
   for (const char* name : {"off", "paper", "default", "truth"})
@@ -153,14 +158,19 @@ std::vector<const Json*> shown_runs(const std::vector<const Json*>& results) {
         shown.push_back(r);
         break;
       }
+  for (const Json* r : results)
+    if (is_estimate(*r) && r->contains("stats")) shown.push_back(r);
   return shown;
 }
 
-std::string color_of(const std::string& variant) {
+std::string color_of(const Json& result, std::size_t position) {
+  const std::string variant = result["job"]["variant"];
   if (variant == "off") return "#d55e00";
   if (variant == "paper") return "#cc79a7";
   if (variant == "truth") return "#009e73";
-  return "#0072b2";
+  if (variant == "default") return "#0072b2";
+  static const char* const others[] = {"#e69f00", "#56b4e9", "#8c564b", "#7f7f7f"};
+  return others[position % 4];
 }
 
 std::string trimmed_label(const Json& result) {
@@ -181,16 +191,17 @@ std::string trajectory_plots(const std::vector<const Json*>& shown) {
     plot.equal_axes = true;
     plot.width = 530, plot.height = 400;
     bool truth_drawn = false;
-    for (const Json* r : shown) {
+    for (std::size_t k = 0; k < shown.size(); ++k) {
+      const Json* r = shown[k];
       const Json& series = (*r)["stats"]["series"];
       if (!series.contains("path")) continue;
       if (!truth_drawn)
-        plot.series.push_back({"ground truth", "#333333", column(series["truth"], 0),
-                               column(series["truth"], second), 3.0, false, false, false});
+        plot.series.push_back({"ground truth", "#b0b0b0", column(series["truth"], 0),
+                               column(series["truth"], second), 5.0, false, false, false});
       truth_drawn = true;
       const std::string variant = (*r)["job"]["variant"];
       if (variant == "truth" || variant == "paper" || (variant == "off" && !with_off)) continue;
-      plot.series.push_back({trimmed_label(*r), color_of(variant), column(series["path"], 0),
+      plot.series.push_back({trimmed_label(*r), color_of(*r, k), column(series["path"], 0),
                              column(series["path"], second), 1.5, false, false, false});
     }
     if (plot.series.size() > 1) out += svg(plot);
@@ -211,30 +222,27 @@ std::string time_plots(const std::vector<const Json*>& shown) {
   mask.y_label = "mask [%]";
   blur.title = "Sharpness (variance of the Laplacian; low = blurred)";
   blur.y_label = "sharpness";
-  bool first = true;
-  for (const Json* r : shown) {
+  for (std::size_t k = 0; k < shown.size(); ++k) {
+    const Json* r = shown[k];
     const Json& series = (*r)["stats"]["series"];
-    const std::string variant = (*r)["job"]["variant"];
     const std::vector<double> t = numbers(series["t_s"]);
+    const auto share = [&](const char* key) {
+      std::vector<double> values = numbers(series[key]);
+      for (double& v : values) v *= 100;
+      return values;
+    };
     if (series.contains("error_m"))
-      error.series.push_back({trimmed_label(*r), color_of(variant), t, numbers(series["error_m"]),
+      error.series.push_back({trimmed_label(*r), color_of(*r, k), t, numbers(series["error_m"]),
                               1.5, false, false, false});
-    if (first) {
+    if (blur.series.empty() && series.contains("sharpness"))
       blur.series.push_back(
           {"sharpness", "#7f7f7f", t, numbers(series["sharpness"]), 1.5, false, true, false});
-      if (series.contains("true_mask_share")) {
-        std::vector<double> share = numbers(series["true_mask_share"]);
-        for (double& v : share) v *= 100;
-        mask.series.push_back({"people (masks_gt)", "#333333", t, share, 1.5, true, false, false});
-      }
-      first = false;
-    }
-    if (variant != "off" && series.contains("mask_share")) {
-      std::vector<double> share = numbers(series["mask_share"]);
-      for (double& v : share) v *= 100;
+    if (mask.series.empty() && series.contains("true_mask_share"))
       mask.series.push_back(
-          {trimmed_label(*r) + ", dilated", color_of(variant), t, share, 1.5, false, false, false});
-    }
+          {"people (masks_gt)", "#333333", t, share("true_mask_share"), 1.5, true, false, false});
+    if (series.contains("mask_share"))
+      mask.series.push_back({trimmed_label(*r) + ", dilated", color_of(*r, k), t,
+                             share("mask_share"), 1.5, false, false, false});
   }
   std::string out;
   mask.y_from_zero = blur.y_from_zero = true;
@@ -270,6 +278,35 @@ std::string pictures(const std::vector<const Json*>& results, const char* key) {
     out += "</div>\n";
   }
   return out;
+}
+
+/// All sequences at a glance: ATE by variant and sequence, coverage beside it.
+std::string overview(const Json& rows, const std::vector<std::string>& sequences) {
+  std::vector<std::string> labels;
+  for (const Json& row : rows)
+    if (std::find(labels.begin(), labels.end(), row["label"]) == labels.end())
+      labels.push_back(row["label"]);
+  std::string out =
+      "<h2>All sequences</h2>\n<p class=\"note\">ATE RMSE in metres, coverage in brackets; red: "
+      "failed.</p><div class=\"scroll\"><table><thead><tr><th>variant</th>";
+  for (const std::string& s : sequences)
+    out += "<th><a href=\"#" + escape_html(s) + "\">" + escape_html(s) + "</a></th>";
+  out += "</tr></thead><tbody>\n";
+  for (const std::string& label : labels) {
+    out += "<tr>" + cell(label);
+    for (const std::string& s : sequences) {
+      std::string text, attribute;
+      for (const Json& row : rows)
+        if (row["sequence"] == s && row["label"] == label) {
+          text = fixed(number_at(row, "ate_rmse_m"), 4) + " (" +
+                 fixed(100 * number_at(row, "coverage_min"), 0) + " %)";
+          if (!row["failed"].get<std::string>().empty()) attribute = " class=\"failed\"";
+        }
+      out += "<td" + attribute + ">" + escape_html(text) + "</td>";
+    }
+    out += "</tr>\n";
+  }
+  return out + "</tbody></table></div>\n";
 }
 
 /// The first sentence of a section: what the front end brought.
@@ -309,6 +346,7 @@ std::string make_page(const Json& rows, const std::vector<Json>& results,
       "95&nbsp;% are marked as failed. ATE is the absolute trajectory error after SE(3) alignment "
       "(no scale); with more than one run its median, with the worst beside it.</p>\n";
 
+  if (sequences.size() > 1) out += overview(rows, sequences);
   for (const std::string& sequence : sequences) {
     std::vector<const Json*> own_rows, own_results;
     for (const Json& row : rows)
@@ -341,6 +379,11 @@ std::string make_page(const Json& rows, const std::vector<Json>& results,
     out += "<h3>Time</h3>\n" + times(own_rows);
   }
 
+  std::set<std::string> programs;
+  for (const Json& r : results) programs.insert(r["job"].value("program", ""));
+  if (programs.size() > 1)
+    out += "<p class=\"note\"><b>These results were made by " + std::to_string(programs.size()) +
+           " different builds of the program.</b></p>\n";
   out += "<h2>How these numbers were made</h2>\n<pre>" + escape_html(command) + "</pre>\n<ul>";
   for (const Json& r : results)
     if (r.contains("stats")) {

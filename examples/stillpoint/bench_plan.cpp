@@ -104,6 +104,25 @@ std::string BenchJob::label() const {
              : variant.label + " [" + masks_folder + "]";
 }
 
+/// "NAME=FILE" with {} replaced by the sequence's name.
+BenchJob estimate_job(const std::string& text, const std::string& sequence) {
+  const std::size_t equals = text.find('=');
+  if (equals == 0 || equals == std::string::npos || equals + 1 == text.size())
+    throw Error("--estimate: expected NAME=FILE, e.g. orb_slam3=results/{}.txt, found \"" + text +
+                "\"");
+  BenchJob job;
+  job.sequence = sequence;
+  job.variant.label = text.substr(0, equals);
+  job.variant.name = "estimate_" + job.variant.label;
+  for (char& c : job.variant.name)
+    if (c == '/' || c == ' ') c = '_';
+  std::string file = text.substr(equals + 1);
+  for (std::size_t at = 0; (at = file.find("{}", at)) != std::string::npos; at += sequence.size())
+    file.replace(at, 2, sequence);
+  job.estimate = file;
+  return job;
+}
+
 std::vector<BenchJob> make_jobs(const BenchPlan& plan, std::vector<std::string>& notes) {
   std::vector<Variant> chosen;
   for (const std::string& name : plan.variant_names) {
@@ -161,6 +180,12 @@ std::vector<BenchJob> make_jobs(const BenchPlan& plan, std::vector<std::string>&
         }
       }
     }
+    for (const std::string& text : plan.estimates) {
+      BenchJob job = estimate_job(text, name);
+      job.settings.sequence = sequence;
+      job.settings.frames = plan.common.frames;
+      jobs.push_back(job);
+    }
     if (!has_truth)
       notes.push_back(name + ": no folder masks_gt: no mask IoU, no row with ground-truth masks");
   }
@@ -170,6 +195,21 @@ std::vector<BenchJob> make_jobs(const BenchPlan& plan, std::vector<std::string>&
 nlohmann::ordered_json job_key(const BenchJob& job) {
   const RunSettings& s = job.settings;
   const std::string masks = s.masks.empty() ? "" : s.masks.filename().string();
+  if (!job.estimate.empty()) {
+    Fingerprint bytes;
+    bytes.add(bytes_of(job.estimate));
+    return {{"sequence", job.sequence},
+            {"variant", job.variant.name},
+            {"label", job.label()},
+            {"masks_folder", ""},
+            {"run", job.run},
+            {"estimate", job.estimate.string()},
+            {"frames", s.frames},
+            {"input", input_fingerprint(s.sequence, "")},
+            {"estimate_bytes", bytes.text()},
+            {"program", program_fingerprint()},
+            {"version", STILLPOINT_VERSION}};
+  }
   return {{"sequence", job.sequence},
           {"variant", job.variant.name},
           {"label", job.label()},

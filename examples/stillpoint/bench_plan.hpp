@@ -36,6 +36,8 @@ struct BenchJob {
   std::string masks_folder;
   int run = 0;
   RunSettings settings;
+  /// A trajectory of another system, which is only judged; empty: a run of our own.
+  std::filesystem::path estimate;
 
   /// Where its result lives, relative to the bench's folder: runs/SEQUENCE/VARIANT[+MASKS].RUN.json
   std::filesystem::path result_file() const;
@@ -50,13 +52,15 @@ struct BenchPlan {
   std::vector<std::string> variant_names;
   std::vector<std::string> masks_folders{"masks"};
   int runs = 1;
+  /// NAME=FILE: other systems' trajectories; {} in FILE stands for the sequence's name.
+  std::vector<std::string> estimates;
   /// Camera, tracker, features, frames for every job.
   RunSettings common;
 };
 
 /// The jobs of a plan, in the order of the table. Variants that a sequence has no masks for are
-/// left out, with a line for each in `notes`. Throws Error for an unknown variant or a folder that
-/// is no sequence.
+/// left out, with a line for each in `notes`. Throws Error for an unknown variant, a folder that
+/// is no sequence, or an estimate that is not NAME=FILE.
 std::vector<BenchJob> make_jobs(const BenchPlan& plan, std::vector<std::string>& notes);
 
 /// What must be equal for an old result to be taken again: settings, input files (names and sizes),

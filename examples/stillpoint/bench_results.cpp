@@ -120,6 +120,7 @@ std::vector<Json> read_results(const std::vector<fs::path>& folders) {
       if (!json.is_object() || !json.contains("job"))
         throw Error(entry.path().string() +
                     ": expected the result of a run, found something else; delete it");
+      json["file"] = entry.path().string();
       json["folder"] = entry.path().parent_path().string();
       found.emplace_back(entry.path(), std::move(json));
     }

@@ -115,37 +115,6 @@ class MapMaker {
   std::vector<Kept> kept_;
 };
 
-/// Aligned estimate and ground truth at the frames' times, for plots.
-void add_paths(Json& series, const Trajectory& truth, const Trajectory& estimate,
-               const Accuracy& accuracy, const std::vector<double>& timestamps) {
-  std::map<double, std::size_t> pose_at, match_at;
-  for (std::size_t i = 0; i < estimate.size(); ++i) pose_at[estimate[i].timestamp] = i;
-  for (std::size_t i = 0; i < accuracy.ate.matches.size(); ++i)
-    match_at[estimate[accuracy.ate.matches[i].second].timestamp] = i;
-  const auto point = [](const Eigen::Vector3d& p) {
-    const auto mm = [](double v) { return std::round(v * 1e4) / 1e4; };
-    return Json::array({mm(p.x()), mm(p.y()), mm(p.z())});
-  };
-  std::vector<double> truth_times;
-  for (const StampedPose& pose : truth) truth_times.push_back(pose.timestamp);
-  for (double t : timestamps) {
-    const auto pose = pose_at.find(t);
-    series["path"].push_back(pose == pose_at.end()
-                                 ? Json()
-                                 : point(accuracy.ate.T_groundtruth_estimate *
-                                         estimate[pose->second].T_world_camera.translation()));
-    const auto match = match_at.find(t);
-    series["error_m"].push_back(
-        match == match_at.end()
-            ? Json()
-            : Json(std::round(accuracy.ate.errors_m[match->second] * 1e6) / 1e6));
-    const std::size_t n = detail::nearest(truth_times, t);
-    series["truth"].push_back(std::abs(truth_times[n] - t) < 0.02
-                                  ? point(truth[n].T_world_camera.translation())
-                                  : Json());
-  }
-}
-
 }  // namespace
 
 Json run_job(const RunSettings& wanted, const RunOutputs& outputs,
@@ -220,25 +189,9 @@ Json run_job(const RunSettings& wanted, const RunOutputs& outputs,
                       static_cast<double>(std::max<std::size_t>(1, recorder.frames()));
   stats["coverage_of"] = "frames";
   Json series = outputs.series ? recorder.series(settings.front_end) : Json();
-  if (sequence.has_groundtruth()) {
-    const Trajectory truth = sequence.groundtruth();
-    const std::vector<double> times = recorder.timestamps();
-    const Coverage cover = coverage(truth, trajectory, times);
-    if (cover.frames == 0) {
-      say("groundtruth.txt has no pose within 0.02 s of any frame");
-    } else {
-      stats["coverage"] = cover.share;
-      stats["coverage_of"] = "frames with ground truth";
-      if (cover.covered < 3) {
-        say("the tracker has a pose for " + std::to_string(cover.covered) +
-            " frames with ground truth only: there is no error to speak of");
-      } else {
-        const Accuracy accuracy = measure_accuracy(truth, trajectory, times, RpeSettings());
-        stats["evaluation"] = to_json(accuracy);
-        if (outputs.series) add_paths(series, truth, trajectory, accuracy, times);
-      }
-    }
-  }
+  if (sequence.has_groundtruth())
+    add_accuracy(stats, outputs.series ? &series : nullptr, sequence.groundtruth(), trajectory,
+                 recorder.timestamps(), say);
   recorder.summarize(stats, settings.front_end);
   stats["settings"] = settings_json(settings, front_end);
   stats["camera"] = camera_json(*sequence.camera());
@@ -247,6 +200,28 @@ Json run_job(const RunSettings& wanted, const RunOutputs& outputs,
   stats["peak_memory_mb"] = peak_memory_mb();
   stats["notes"] = notes;
   if (outputs.series) stats["series"] = series;
+  return stats;
+}
+
+Json judge_estimate(const fs::path& folder, const fs::path& file, std::size_t first_frames) {
+  const TumSequence sequence(folder);
+  const Trajectory estimate = read_trajectory(file);
+  std::vector<double> times = sequence.timestamps();
+  if (first_frames > 0 && first_frames < times.size()) times.resize(first_frames);
+  if (!sequence.has_groundtruth())
+    throw Error("sequence " + folder.string() + ": has no groundtruth.txt to judge an estimate by");
+  Json notes = Json::array(), series, stats;
+  stats["frames"] = times.size();
+  stats["tracked"] = associate(times, detail::timestamps_of(estimate)).size();
+  stats["coverage"] = 0.0;
+  for (double t : times) series["t_s"].push_back(std::round((t - times.front()) * 1e6) / 1e6);
+  add_accuracy(stats, &series, sequence.groundtruth(), estimate, times,
+               [&](const std::string& text) { notes.push_back(text); });
+  stats["estimate"] = file.string();
+  stats["versions"] = versions_json();
+  stats["machine"] = machine_json();
+  stats["notes"] = notes;
+  stats["series"] = series;
   return stats;
 }
 
@@ -336,7 +311,7 @@ std::string summary_text(const Json& stats) {
   const Json& k = stats["keypoints"];
   std::string keypoints = fixed(number(k, "extracted"), 0) + " extracted, " +
                           fixed(number(k, "kept"), 0) + " kept per frame";
-  if (k.contains("kept_on_people"))
+  if (std::isfinite(number(k, "kept_on_people")))
     keypoints += "; " + fixed(100 * number(k, "kept_on_people"), 2) + " % of the kept on people";
   add("keypoints", keypoints);
   std::string times;

@@ -57,6 +57,11 @@ nlohmann::ordered_json run_job(
     const std::function<void(std::size_t done, std::size_t total)>& progress,
     const std::function<void(const std::string& note)>& note = [](const std::string&) {});
 
+/// Judges another system's trajectory (TUM format) of a sequence by the same rules, as far as they
+/// apply. `first_frames`: 0 = all. Throws Error for bad input and without ground truth.
+nlohmann::ordered_json judge_estimate(const std::filesystem::path& sequence,
+                                      const std::filesystem::path& file, std::size_t first_frames);
+
 /// Names that --segmenter and --tracker take in this build.
 std::vector<std::string> segmenter_names();
 std::vector<std::string> tracker_names();

@@ -66,10 +66,10 @@ void synth(SynthOptions options) {
               summary.camera_blur_px, summary.people_blur_px);
   if (summary.most_cover > 0)
     std::printf(
-        "movers      cover %.1f %% of the picture on average, %.1f %% at most\n"
+        "%-12scover %.1f %% of the picture on average, %.1f %% at most\n"
         "masks/      miss %.1f %% of the people's pixels; %.1f %% of their own pixels are wrong\n",
-        100 * summary.mean_cover, 100 * summary.most_cover, 100 * summary.lost_share,
-        100 * summary.false_share);
+        settings.movers > 0 ? "movers" : "people", 100 * summary.mean_cover,
+        100 * summary.most_cover, 100 * summary.lost_share, 100 * summary.false_share);
 }
 
 }  // namespace

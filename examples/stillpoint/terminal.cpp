@@ -12,8 +12,10 @@ namespace stillpoint::cli {
 Progress::Progress(std::string label, std::size_t total)
     : label_(std::move(label)), total_(total), enabled_(isatty(STDERR_FILENO) != 0) {}
 
-Progress::~Progress() {
-  if (enabled_) std::fputs("\r\033[K", stderr);
+Progress::~Progress() { clear(); }
+
+void Progress::clear() {
+  if (enabled_ && drawn_ != Clock::time_point()) std::fputs("\r\033[K", stderr);
 }
 
 void Progress::update(std::size_t done) {

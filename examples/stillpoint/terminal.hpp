@@ -19,6 +19,8 @@ class Progress {
 
   /// Says that `done` of the total steps are done.
   void update(std::size_t done);
+  /// Wipes the line, so that something else can be printed.
+  void clear();
 
  private:
   using Clock = std::chrono::steady_clock;

@@ -356,6 +356,25 @@ TEST_F(Cli, BenchShardsAreMerged) {
   EXPECT_TRUE(fs::exists(path("merged") / "index.html"));
 }
 
+TEST_F(Cli, BenchJudgesOtherSystemsByTheSameRules) {
+  ASSERT_EQ(run("run walk --out other --tracker vo").code, 0);
+  // The first quarter only: its error is small, and it is no result.
+  const Trajectory all = read_trajectory(path("other") / "trajectory.txt");
+  write_trajectory(path("short_walk.txt"), Trajectory(all.begin(), all.begin() + 4));
+  const Result r =
+      run("bench walk --out e --variants default --tracker vo --jobs 2 --estimate "
+          "whole=other/trajectory.txt --estimate 'cut=short_{}.txt'");
+  ASSERT_EQ(r.code, 0) << r.err;
+  const Json rows = json_of(path("e") / "results.json")["rows"];
+  ASSERT_EQ(rows.size(), 3u);
+  for (const Json& row : rows) {
+    const std::string label = row["label"];
+    EXPECT_EQ(row["failed"], label == "cut" ? "coverage" : "") << label;
+    if (label == "whole") EXPECT_NEAR(row["ate_rmse_m"], rows[0]["ate_rmse_m"], 1e-6);
+  }
+  expect_error("bench walk --out e --estimate nothing", 1, "NAME=FILE");
+}
+
 TEST_F(Cli, BenchMarksLostTracks) {
   // From the fourth frame on the depth is black and the color gray: nothing can be tracked.
   fs::copy(path("walk"), path("dark"), fs::copy_options::recursive);
