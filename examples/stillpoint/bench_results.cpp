@@ -172,8 +172,8 @@ std::string rows_text(const Json& rows) {
       if (row["sequence"] == sequence) most_runs = std::max(most_runs, row["runs"].get<int>());
     std::vector<std::string> header{sequence, "coverage", "ATE RMSE"};
     if (most_runs > 1) header.push_back("worst");
-    for (const char* name : {"S.D.", "IoU bef.", "after", "kept", "on people", "segm.", "comp.",
-                             "depth", "prob.", "extr.", "track", "total ms"})
+    for (const char* name : {"S.D.", "IoU bef.", "after", "kept", "on people", "segm.", "motion",
+                             "comp.", "depth", "prob.", "extr.", "track", "total ms"})
       header.push_back(name);
     TextTable table(header);
     table.rule();
