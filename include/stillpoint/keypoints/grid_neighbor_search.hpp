@@ -2,6 +2,7 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <opencv2/core.hpp>
 #include <vector>
@@ -71,9 +72,19 @@ class GridNeighborSearch {
 
   template <class Visit>
   void for_each_neighbor(const cv::Point2f& query, Visit&& visit) const {
+    // Which candidates are near is hard to foresee: those that are get collected without a branch.
+    constexpr std::size_t kChunk = 64;
+    std::array<std::size_t, kChunk> near;
     for_each_run(query, [&](std::size_t begin, std::size_t end) {
-      for (std::size_t k = begin; k < end; ++k)
-        if (within_radius(query, {x_[k], y_[k]}, radius_)) visit(index_[k]);
+      while (begin < end) {
+        const std::size_t stop = std::min(end, begin + kChunk);
+        std::size_t found = 0;
+        for (; begin < stop; ++begin) {
+          near[found] = begin;
+          found += within_radius(query, {x_[begin], y_[begin]}, radius_);
+        }
+        for (std::size_t i = 0; i < found; ++i) visit(index_[near[i]]);
+      }
     });
   }
 

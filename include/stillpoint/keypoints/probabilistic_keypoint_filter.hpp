@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "stillpoint/core/byte_rows.hpp"
 #include "stillpoint/core/error.hpp"
 #include "stillpoint/core/frame.hpp"
 #include "stillpoint/core/keypoint.hpp"
@@ -116,13 +117,12 @@ class ProbabilisticKeypointFilter {
     selection_.clear();
     selection_.probability.resize(n, 0.0f);
     selection_.reason.resize(n, KeypointReason::kStatic);
-    points_.clear();
-    index_.clear();
-    dynamic_.clear();
-    dynamic_points_.clear();
+    points_.resize(n), index_.resize(n), dynamic_.resize(n), dynamic_points_.resize(n);
+    std::size_t inside = 0, found = 0;
     min_x_ = min_y_ = 1e9f, max_x_ = max_y_ = -1e9f;
-    const float right = mask.image.empty() ? 1e9f : static_cast<float>(mask.image.cols) - 0.5f;
-    const float bottom = mask.image.empty() ? 1e9f : static_cast<float>(mask.image.rows) - 0.5f;
+    const bool has_mask = !mask.image.empty();
+    const float right = has_mask ? static_cast<float>(mask.image.cols) - 0.5f : 1e9f;
+    const float bottom = has_mask ? static_cast<float>(mask.image.rows) - 0.5f : 1e9f;
     for (std::size_t i = 0; i < n; ++i) {
       const float x = Traits::x(keypoints[i]), y = Traits::y(keypoints[i]);
       if (!(x >= -0.5f && y >= -0.5f && x < right && y < bottom)) {  // false for NaN, too
@@ -130,17 +130,21 @@ class ProbabilisticKeypointFilter {
         selection_.reason[i] = KeypointReason::kOutsidePicture;
         continue;
       }
-      const bool dynamic = mask.dynamic_at(x, y);
-      points_.emplace_back(x, y);
-      index_.push_back(static_cast<int>(i));
-      dynamic_.push_back(dynamic);
+      // As DynamicMask::dynamic_at().
+      const bool dynamic = has_mask && mask.image.template ptr<uchar>(static_cast<int>(
+                                           y + 0.5f))[static_cast<int>(x + 0.5f)] != 0;
+      points_[inside] = {x, y};
+      index_[inside] = static_cast<int>(i);
+      dynamic_[inside++] = dynamic;
       if (!dynamic) continue;
-      dynamic_points_.emplace_back(x, y);
+      dynamic_points_[found++] = {x, y};
       selection_.probability[i] = 1;
       selection_.reason[i] = KeypointReason::kInMask;
       min_x_ = std::min(min_x_, x), max_x_ = std::max(max_x_, x);
       min_y_ = std::min(min_y_, y), max_y_ = std::max(max_y_, y);
     }
+    points_.resize(inside), index_.resize(inside), dynamic_.resize(inside);
+    dynamic_points_.resize(found);
   }
 
   void compute() {
@@ -178,24 +182,23 @@ class ProbabilisticKeypointFilter {
     top_ = min_y_ - static_cast<float>(steps) * cell;
     columns_ = static_cast<int>((max_x_ - left_) * per_cell_) + steps + 2;
     rows_ = static_cast<int>((max_y_ - top_) * per_cell_) + steps + 2;
-    detail::refill(near_, static_cast<std::size_t>(columns_) * static_cast<std::size_t>(rows_),
-                   std::uint8_t{0});
-    for (const cv::Point2f& p : dynamic_points_) near_[cell_index(p)] = 1;
-    // Widen by `steps` cells: rows first, then columns.
-    near_row_.resize(static_cast<std::size_t>(std::max(columns_, rows_)));
-    for (int y = 0; y < rows_; ++y)
-      widen(near_.data() + static_cast<std::ptrdiff_t>(y) * columns_, 1, columns_, steps);
-    for (int x = 0; x < columns_; ++x) widen(near_.data() + x, columns_, rows_, steps);
-  }
-
-  void widen(std::uint8_t* cells, std::ptrdiff_t step, int n, int radius) {
-    int last = -radius - 1;
-    for (int i = 0, ahead = 0; i < n; ++i) {
-      for (; ahead < n && ahead <= i + radius; ++ahead)
-        if (cells[ahead * step]) last = ahead;
-      near_row_[static_cast<std::size_t>(i)] = last >= i - radius;
-    }
-    for (int i = 0; i < n; ++i) cells[i * step] = near_row_[static_cast<std::size_t>(i)];
+    // Each point marks the cell `steps` further right and down; then each cell takes what is
+    // marked in the 2 steps + 1 cells from it on: over columns, then rows. No row is marked in its
+    // first 2 steps cells, so what is taken from the next row is nothing.
+    const std::size_t stride = static_cast<std::size_t>(columns_);
+    const std::size_t size = detail::whole_parts(stride * static_cast<std::size_t>(rows_));
+    const std::size_t window = static_cast<std::size_t>(2 * steps + 1);
+    detail::refill(near_, size + window * stride, std::uint8_t{0});
+    detail::refill(before_, size + window * stride, std::uint8_t{0});
+    for (const cv::Point2f& p : dynamic_points_)
+      near_[cell_index(p) + static_cast<std::size_t>(steps) * (stride + 1)] = 1;
+    for (const std::size_t step : {std::size_t{1}, stride})
+      for (std::size_t covered = 1; covered < window;) {
+        const std::size_t add = std::min(covered, window - covered);
+        std::swap(near_, before_);
+        detail::or_shifted(before_.data(), near_.data(), size, add * step);
+        covered += add;
+      }
   }
 
   std::size_t cell_index(const cv::Point2f& p) const {
@@ -216,9 +219,13 @@ class ProbabilisticKeypointFilter {
   void remove() {
     status_ = selection_.size() == 0 ? kNoKeypoints : kOk;
     const std::size_t floor = static_cast<std::size_t>(settings_.min_kept);
-    for (std::size_t i = 0; i < selection_.size(); ++i)
-      if (selection_.reason[i] == KeypointReason::kStatic)
-        selection_.kept.push_back(static_cast<int>(i));
+    selection_.kept.resize(selection_.size());
+    std::size_t kept = 0;
+    for (std::size_t i = 0; i < selection_.size(); ++i) {
+      selection_.kept[kept] = static_cast<int>(i);
+      kept += selection_.reason[i] == KeypointReason::kStatic;
+    }
+    selection_.kept.resize(kept);
     if (selection_.kept.size() >= floor || selection_.kept.size() == index_.size()) return;
 
     status_ |= kKeypointFloor;
@@ -255,7 +262,7 @@ class ProbabilisticKeypointFilter {
 
   float per_cell_ = 1, left_ = 0, top_ = 0;
   int columns_ = 0, rows_ = 0;
-  std::vector<std::uint8_t> near_, near_row_;
+  std::vector<std::uint8_t> near_, before_;
   std::vector<int> removed_;
 };
 
