@@ -144,6 +144,63 @@ TEST(PnpRansac, FindsThePoseWithoutAGuess) {
   EXPECT_FALSE(solve_pnp_ransac(camera, NoiseModel(), observations, 20).has_value());
 }
 
+// A smooth pattern on a plane at 2 m before the first camera, as a camera at `T_world_camera` sees
+// it.
+cv::Mat smooth_plane(const Camera& camera, const Eigen::Isometry3d& T_world_camera) {
+  cv::Mat gray(camera.height, camera.width, CV_8UC1);
+  for (int y = 0; y < gray.rows; ++y)
+    for (int x = 0; x < gray.cols; ++x) {
+      const Eigen::Vector3d d = T_world_camera.linear() * camera.unproject(x, y, 1);
+      const Eigen::Vector3d o = T_world_camera.translation();
+      const Eigen::Vector3d p = o + d * ((2 - o.z()) / d.z());
+      gray.at<uchar>(y, x) = static_cast<uchar>(128 + 40 * std::sin(90 * p.x() + 7 * p.y()) +
+                                                40 * std::sin(80 * p.y() - 20 * p.x()));
+    }
+  return gray;
+}
+
+TEST(Patch, FindsItsPlaceToATenthOfAPixelWhateverTheTurnAndTheLight) {
+  const Camera camera = test_scene::camera();
+  const Eigen::Isometry3d first = Eigen::Isometry3d::Identity();
+  Eigen::Isometry3d second = first;
+  second.linear() = Eigen::AngleAxisd(0.2, Eigen::Vector3d::UnitZ()).toRotationMatrix();
+  second.translation() << 0.013, -0.008, 0.1;
+  ImagePyramid a, b;
+  a.build(smooth_plane(camera, first), 3, 1.2);
+  b.build(smooth_plane(camera, second) + 15, 3, 1.2);
+  for (int level = 0; level < 3; ++level)
+    for (const Eigen::Vector2d& pixel :
+         {Eigen::Vector2d(150, 110), Eigen::Vector2d(170.3, 140.6), Eigen::Vector2d(120, 130)}) {
+      const Eigen::Vector3d point = camera.unproject(pixel.x(), pixel.y(), 2);
+      const Patch patch = cut_patch(a, camera, pixel, level, first.linear(), 2);
+      ASSERT_FALSE(patch.empty());
+      const Eigen::Vector2d truth = camera.project(second.inverse() * point);
+      const auto place = align_patch(b, camera, patch, second.inverse(), point,
+                                     truth + Eigen::Vector2d(0.8, -0.7), level);
+      ASSERT_TRUE(place.has_value()) << level << ' ' << pixel.transpose();
+      EXPECT_LT((*place - truth).norm(), 0.1) << level << ' ' << pixel.transpose();
+    }
+}
+
+TEST(Patch, RefusesOtherSurfacesAndRims) {
+  const Camera camera = test_scene::camera();
+  const RgbdFrame frame = test_scene::render(test_scene::path(0), 0);
+  ImagePyramid pyramid, blank;
+  pyramid.build(frame.color, 3, 1.2);
+  blank.build(cv::Mat(240, 320, CV_8UC1, cv::Scalar(90)), 3, 1.2);
+  const Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+  const Eigen::Vector2d pixel(160, 120);
+  const Patch patch = cut_patch(pyramid, camera, pixel, 0, T.linear(), 2);
+  ASSERT_FALSE(patch.empty());
+  const Eigen::Vector3d point = camera.unproject(160, 120, 2);
+  EXPECT_FALSE(align_patch(blank, camera, patch, T, point, pixel, 0).has_value());
+  EXPECT_FALSE(align_patch(pyramid, camera, patch, T, point, {3, 120}, 0).has_value());
+  EXPECT_FALSE(align_patch(pyramid, camera, patch, T, -point, pixel, 0).has_value());
+  EXPECT_FALSE(align_patch(pyramid, camera, Patch(), T, point, pixel, 0).has_value());
+  EXPECT_TRUE(cut_patch(pyramid, camera, {3, 120}, 0, T.linear(), 2).empty());
+  EXPECT_TRUE(cut_patch(pyramid, camera, pixel, 7, T.linear(), 2).empty());
+}
+
 RgbdOdometry::Settings small_settings() {
   RgbdOdometry::Settings settings;
   settings.features.features = 500;

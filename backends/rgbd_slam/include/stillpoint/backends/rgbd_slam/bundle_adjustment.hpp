@@ -147,7 +147,7 @@ inline BundleProblem collect_bundle(const Map& map, const Optics& optics,
         b.residuals.push_back(
             {static_cast<std::size_t>(pose_of[static_cast<std::size_t>(o.keyframe)]),
              b.points.size() - 1, k.pixel(), k.depth_m > 0 ? 1.0 / k.depth_m : 0,
-             optics.noise.sigma_px * k.scale});
+             optics.sigma_px(k)});
       }
     }
   return b;
@@ -202,6 +202,8 @@ inline bool solve_bundle(BundleProblem& b, const Optics& optics, int max_iterati
   ceres::Solver::Options options;
   options.linear_solver_ordering.reset(ordering);
   options.linear_solver_type = global ? ceres::SPARSE_SCHUR : ceres::DENSE_SCHUR;
+  // Eigen's sums are the same whatever BLAS is installed and however many threads it has.
+  options.sparse_linear_algebra_library_type = ceres::EIGEN_SPARSE;
   options.max_num_iterations = max_iterations;
   options.num_threads = 1;  // sums in another order differ in the last digit
   options.function_tolerance = 1e-4;

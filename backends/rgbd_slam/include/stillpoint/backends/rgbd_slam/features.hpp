@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "stillpoint/backends/rgbd_slam/descriptor.hpp"
+#include "stillpoint/backends/rgbd_slam/image_pyramid.hpp"
 #include "stillpoint/backends/rgbd_slam/spread.hpp"
 #include "stillpoint/core/error.hpp"
 #include "stillpoint/core/frame.hpp"
@@ -104,25 +105,17 @@ class OrbExtractor final : public FeatureExtractor {
     // Share of level 0 such that the geometric row over all levels sums to the whole budget.
     const double share = (1 - ratio) / (1 - std::pow(ratio, settings_.levels));
     double budget = 0;
-    double scale = 1;
-    cv::Mat image = gray;
-    for (int level = 0; level < settings_.levels; ++level, scale *= settings_.scale_factor) {
-      budget += settings_.features * share * std::pow(ratio, level);
-      if (level > 0) {
-        const cv::Size size(static_cast<int>(std::lround(gray.cols / scale)),
-                            static_cast<int>(std::lround(gray.rows / scale)));
-        if (std::min(size.width, size.height) <= 2 * kBorder) break;
-        cv::Mat smaller;
-        cv::resize(image, smaller, size, 0, 0, cv::INTER_LINEAR);
-        image = smaller;
-      }
+    pyramid_.build(gray, settings_.levels, settings_.scale_factor, 2 * kBorder + 1);
+    for (int level = 0; level < pyramid_.levels(); ++level) {
+      const cv::Mat& image = pyramid_.image(level);
       if (std::min(image.cols, image.rows) <= 2 * kBorder) break;
+      budget += settings_.features * share * std::pow(ratio, level);
       shrink_mask(mask, image.size());
       detect(image);
       spread(corners_, static_cast<int>(budget + 0.5), image.size());
       budget -= static_cast<double>(corners_.size());
       for (cv::KeyPoint& k : corners_) k.angle = orientation(image, k.pt);
-      append(image, level, gray.size(), features);
+      append(level, features);
     }
   }
 
@@ -203,20 +196,17 @@ class OrbExtractor final : public FeatureExtractor {
     return cv::fastAtan2(static_cast<float>(m01), static_cast<float>(m10));
   }
 
-  void append(const cv::Mat& image, int level, cv::Size full, Features& features) {
+  void append(int level, Features& features) {
     if (corners_.empty()) return;
     for (cv::KeyPoint& k : corners_) k.octave = 0;
-    describer_->compute(image, corners_, rows_);
+    describer_->compute(pyramid_.image(level), corners_, rows_);
     const std::vector<Descriptor> described = descriptors_from_rows(rows_);
-    const double sx = static_cast<double>(full.width) / image.cols;
-    const double sy = static_cast<double>(full.height) / image.rows;
     for (std::size_t i = 0; i < corners_.size(); ++i) {
       cv::KeyPoint k = corners_[i];
-      // Pixel centres are at whole numbers on every level.
-      k.pt.x = static_cast<float>((k.pt.x + 0.5) * sx - 0.5);
-      k.pt.y = static_cast<float>((k.pt.y + 0.5) * sy - 0.5);
+      const Eigen::Vector2d p = pyramid_.from_level({k.pt.x, k.pt.y}, level);
+      k.pt = cv::Point2f(static_cast<float>(p.x()), static_cast<float>(p.y()));
       k.octave = level;
-      k.size = static_cast<float>((2 * kRadius + 1) * sx);
+      k.size = static_cast<float>((2 * kRadius + 1) * pyramid_.scale(level));
       k.class_id = -1;
       features.keypoints.push_back(k);
       features.descriptors.push_back(described[i]);
@@ -226,6 +216,7 @@ class OrbExtractor final : public FeatureExtractor {
   Settings settings_;
   cv::Ptr<cv::ORB> describer_;
   std::array<int, kRadius + 1> half_width_{};
+  ImagePyramid pyramid_;
   cv::Mat level_mask_, rows_;
   std::vector<cv::KeyPoint> found_, corners_;
   std::vector<char> occupied_;

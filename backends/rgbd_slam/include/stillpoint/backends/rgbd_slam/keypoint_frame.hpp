@@ -24,6 +24,8 @@ struct FrameKeypoint {
   /// Pyramid level, and its scale (1 on level 0).
   int octave = 0;
   float scale = 1;
+  /// True when (x, y) was refined on the picture itself.
+  bool refined = false;
 
   Eigen::Vector2d pixel() const { return {x, y}; }
 };

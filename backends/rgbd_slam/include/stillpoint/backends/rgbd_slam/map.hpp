@@ -12,6 +12,7 @@
 
 #include "stillpoint/backends/rgbd_slam/keypoint_frame.hpp"
 #include "stillpoint/backends/rgbd_slam/matching.hpp"
+#include "stillpoint/backends/rgbd_slam/patch.hpp"
 
 namespace stillpoint::rgbd_slam {
 
@@ -35,6 +36,7 @@ struct MapPoint {
   Eigen::Vector3d view_direction = Eigen::Vector3d::Zero();
   Descriptor descriptor{};
   ScaleRange scale;
+  Patch patch;
   /// In ascending order of keyframes; one per keyframe.
   std::vector<Observation> observations;
   /// Moves with this keyframe when a loop is closed; the first one that saw it.

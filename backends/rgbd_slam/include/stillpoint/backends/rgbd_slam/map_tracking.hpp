@@ -49,9 +49,10 @@ class MapTracking {
       : optics_(optics), settings_(settings) {}
 
   /// Tracks a frame; false: lost. With `mapper_busy` a keyframe waits if it can.
-  bool track(Map& map, PlaceIndex& index, KeypointFrame frame, bool mapper_busy) {
-    TrackedFrame last = std::move(current_);
+  bool track(Map& map, PlaceIndex& index, KeypointFrame frame, const ImagePyramid& pyramid,
+             bool mapper_busy) {
     current_ = TrackedFrame(std::move(frame));
+    pyramid_ = &pyramid;
     stats_ = Stats();
     new_keyframe_ = kNone;
     ++frame_number_;
@@ -171,10 +172,28 @@ class MapTracking {
     match_projections(optics_, map, others, 4, MatchLimits(), current_, &in_view);
     stats_.matches = current_.matches();
     stats_.inliers = refine_pose(optics_, map, current_);
+    if (stats_.inliers >= settings_.min_inliers / 2) {
+      align(map);
+      stats_.inliers = refine_pose(optics_, map, current_);
+    }
     for (const PointId id : in_view) ++map.point(id)->visible;
     for (const PointId id : current_.points)
       if (id != kNone) ++map.point(id)->found;
     return stats_.inliers >= (stats_.recovered ? settings_.min_relocalized : settings_.min_inliers);
+  }
+
+  // Moves the matched keypoints to where the points' patches fit.
+  void align(const Map& map) {
+    for (std::size_t i = 0; i < current_.points.size(); ++i) {
+      const MapPoint* p = map.point(current_.points[i]);
+      if (!p) continue;
+      FrameKeypoint& k = current_.frame.keypoints[i];
+      const auto place = align_patch(*pyramid_, optics_.camera, p->patch, current_.T_camera_world,
+                                     p->position, k.pixel(), k.octave);
+      if (!place) continue;
+      k.x = static_cast<float>(place->x()), k.y = static_cast<float>(place->y());
+      k.refined = true;
+    }
   }
 
   void accept(Map& map, bool mapper_busy) {
@@ -217,10 +236,15 @@ class MapTracking {
         map.observe(*p, k, static_cast<int>(i));
         continue;
       }
-      const FrameKeypoint& f = k.frame.keypoints[i];
+      FrameKeypoint& f = k.frame.keypoints[i];
       if (f.depth_m <= 0) continue;
       const Eigen::Vector3d p = optics_.camera.unproject(f.x, f.y, f.depth_m);
-      current_.points[i] = map.add_point(T_world_camera * p, k, static_cast<int>(i)).id;
+      MapPoint& added = map.add_point(T_world_camera * p, k, static_cast<int>(i));
+      added.patch = cut_patch(*pyramid_, optics_.camera, f.pixel(), f.octave,
+                              current_.T_camera_world.linear(), f.depth_m);
+      // What the patch shows is the point: here it is where it is.
+      f.refined = !added.patch.empty();
+      current_.points[i] = added.id;
       local_.points.push_back(current_.points[i]);
     }
     map.update_connections(k.id);
@@ -231,6 +255,7 @@ class MapTracking {
 
   Optics optics_;
   Settings settings_;
+  const ImagePyramid* pyramid_ = nullptr;  // of the frame that is tracked now
   TrackedFrame current_;
   LocalMap local_;
   std::vector<Record> records_;

@@ -15,6 +15,7 @@
 #include "stillpoint/backends/rgbd_slam/features.hpp"
 #include "stillpoint/backends/rgbd_slam/keypoint_frame.hpp"
 #include "stillpoint/backends/rgbd_slam/matching.hpp"
+#include "stillpoint/backends/rgbd_slam/patch.hpp"
 #include "stillpoint/backends/rgbd_slam/pnp.hpp"
 #include "stillpoint/backends/rgbd_slam/pose_optimizer.hpp"
 #include "stillpoint/core/error.hpp"
@@ -39,9 +40,8 @@ class RgbdOdometry final : public Tracker {
     int min_inliers = 20;
     /// Keypoints with depth that the first frame needs.
     int min_start_points = 60;
-    /// A keyframe is made below this share of the matches that the last one started with, and after
-    /// so many frames.
-    double keyframe_ratio = 0.4;
+    /// A keyframe is made below this share of the last one's keypoints, and after so many frames.
+    double keyframe_ratio = 0.33;
     int max_keyframe_gap = 20;
     /// Map points kept; those not seen for longest go first.
     int max_points = 20000;
@@ -85,6 +85,7 @@ class RgbdOdometry final : public Tracker {
     });
     current_ = KeypointFrame(frame, camera_, features_, selection.kept, extractor_->scale_factor(),
                              settings_.depth);
+    pyramid_.build(gray_, extractor_->levels(), extractor_->scale_factor());
     stats_ = Stats();
     ++frame_number_;
     if (points_.empty()) return start();
@@ -96,6 +97,7 @@ class RgbdOdometry final : public Tracker {
     }
     if (!T) T = recover();
     if (T) T = refine(*T, 4);
+    if (T) T = polish(*T);
     if (!T) {
       tracked_last_ = false;
       return std::nullopt;
@@ -121,6 +123,7 @@ class RgbdOdometry final : public Tracker {
     Descriptor descriptor;
     ScaleRange scale;
     int last_seen, observations;
+    Patch patch;
   };
 
   // The last motion, stretched by the real time between frames: frames may be dropped.
@@ -150,7 +153,8 @@ class RgbdOdometry final : public Tracker {
     o.point = point;
     o.pixel = k.pixel();
     o.inverse_depth = k.depth_m > 0 ? 1.0 / k.depth_m : 0;
-    o.sigma_px = settings_.noise.sigma_px * k.scale;
+    o.sigma_px =
+        (k.refined ? settings_.noise.sigma_refined_px : settings_.noise.sigma_px) * k.scale;
     o.index = index;
     return o;
   }
@@ -179,12 +183,36 @@ class RgbdOdometry final : public Tracker {
       observations.push_back(observation(keypoint, points_[i].position, k));
     }
     stats_.matches = static_cast<int>(observations.size());
-    if (stats_.matches < settings_.min_inliers) return std::nullopt;
+    return optimize(observations, T);
+  }
+
+  // Optimises the pose and takes back the matches that do not agree.
+  std::optional<Eigen::Isometry3d> optimize(std::vector<PoseObservation>& observations,
+                                            Eigen::Isometry3d T) {
+    if (static_cast<int>(observations.size()) < settings_.min_inliers) return std::nullopt;
     stats_.inliers = optimize_pose(camera_, settings_.noise, observations, T);
     for (const PoseObservation& o : observations)
       if (!o.inlier) matched_[static_cast<std::size_t>(o.index)] = -1;
     if (stats_.inliers < settings_.min_inliers) return std::nullopt;
     return T;
+  }
+
+  // Moves the matched keypoints to where the points' patches fit, and optimises once more.
+  std::optional<Eigen::Isometry3d> polish(const Eigen::Isometry3d& T) {
+    std::vector<PoseObservation> observations;
+    for (std::size_t i = 0; i < matched_.size(); ++i) {
+      if (matched_[i] < 0) continue;
+      const Point& p = points_[static_cast<std::size_t>(matched_[i])];
+      FrameKeypoint& k = current_.keypoints[i];
+      const auto place =
+          align_patch(pyramid_, camera_, p.patch, T, p.position, k.pixel(), k.octave);
+      if (place) {
+        k.x = static_cast<float>(place->x()), k.y = static_cast<float>(place->y());
+        k.refined = true;
+      }
+      observations.push_back(observation(i, p.position, static_cast<int>(i)));
+    }
+    return optimize(observations, T);
   }
 
   // Finds the pose in the map without any guess.
@@ -236,7 +264,8 @@ class RgbdOdometry final : public Tracker {
         continue;
       }
       points_.push_back(
-          {world, current_.descriptors[i], ScaleRange(p.norm(), k.scale), frame_number_, 1});
+          {world, current_.descriptors[i], ScaleRange(p.norm(), k.scale), frame_number_, 1,
+           cut_patch(pyramid_, camera_, k.pixel(), k.octave, T_camera_world_.linear(), k.depth_m)});
     }
     keyframe_number_ = frame_number_;
     const auto limit = static_cast<std::size_t>(settings_.max_points);
@@ -257,6 +286,7 @@ class RgbdOdometry final : public Tracker {
   Settings settings_;
   std::unique_ptr<FeatureExtractor> extractor_;
   cv::Mat gray_;
+  ImagePyramid pyramid_;
   Features features_;
   KeypointFrame current_;
   std::vector<Point> points_;

@@ -32,6 +32,8 @@ struct PoseObservation {
 struct NoiseModel {
   /// Of a keypoint on pyramid level 0; multiplied by the level's scale.
   double sigma_px = 0.7;
+  /// The same for a keypoint that was aligned with the point's patch.
+  double sigma_refined_px = 0.2;
   /// Of 1/depth, which is even over the range for a structured-light or stereo camera:
   /// sigma(z) = z^2 times this.
   double sigma_inverse_depth_per_m = 0.004;

@@ -86,13 +86,14 @@ class SlamSystem final : public Tracker {
     });
     KeypointFrame keypoints(frame, optics_.camera, features_, selection.kept, optics_.scale_factor,
                             settings_.depth);
+    pyramid_.build(gray_, optics_.levels, optics_.scale_factor);
     const bool busy = mapping_worker_ && !mapping_worker_->idle();
     std::optional<Eigen::Isometry3d> pose;
     KeyframeId made = kNone;
     bool restart = false;
     {
       const std::lock_guard<std::mutex> guard(map_mutex_);
-      if (tracking_->track(map_, index_, std::move(keypoints), busy))
+      if (tracking_->track(map_, index_, std::move(keypoints), pyramid_, busy))
         pose = tracking_->current().T_camera_world.inverse();
       made = tracking_->new_keyframe();
       restart = tracking_->stats().restart_due;
@@ -178,6 +179,7 @@ class SlamSystem final : public Tracker {
   Optics optics_;
   std::unique_ptr<FeatureExtractor> extractor_;
   cv::Mat gray_;
+  ImagePyramid pyramid_;
   Features features_;
   // Who works on the map holds the first; who only passes by, the second; both in this order.
   std::mutex mapping_mutex_;

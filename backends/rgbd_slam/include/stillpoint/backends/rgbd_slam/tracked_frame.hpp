@@ -21,6 +21,10 @@ struct Optics {
   NoiseModel noise;
   int levels = 8;
   double scale_factor = 1.2;
+
+  double sigma_px(const FrameKeypoint& k) const {
+    return (k.refined ? noise.sigma_refined_px : noise.sigma_px) * k.scale;
+  }
 };
 
 /// A frame on its way: keypoints, the map point that each shows (or kNone), pose.
@@ -91,7 +95,7 @@ inline PoseObservation pose_observation(const Optics& optics, const KeypointFram
   o.point = point;
   o.pixel = k.pixel();
   o.inverse_depth = k.depth_m > 0 ? 1.0 / k.depth_m : 0;
-  o.sigma_px = optics.noise.sigma_px * k.scale;
+  o.sigma_px = optics.sigma_px(k);
   o.index = static_cast<int>(keypoint);
   return o;
 }

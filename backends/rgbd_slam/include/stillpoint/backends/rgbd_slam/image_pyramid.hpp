@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
+#include <vector>
+
+namespace stillpoint::rgbd_slam {
+
+/// A grey picture and smaller ones of it. Pixel centres are at whole numbers on every level.
+class ImagePyramid {
+ public:
+  /// Level 0 shares its data with `gray` (CV_8UC1). Levels under `min_side_px` are left out.
+  void build(const cv::Mat& gray, int levels, double scale_factor, int min_side_px = 1) {
+    images_.assign(1, gray);
+    double scale = 1;
+    for (int level = 1; level < levels; ++level) {
+      scale *= scale_factor;
+      const cv::Size size(static_cast<int>(std::lround(gray.cols / scale)),
+                          static_cast<int>(std::lround(gray.rows / scale)));
+      if (std::min(size.width, size.height) < std::max(1, min_side_px)) break;
+      cv::Mat smaller;
+      cv::resize(images_.back(), smaller, size, 0, 0, cv::INTER_LINEAR);
+      images_.push_back(smaller);
+    }
+  }
+
+  int levels() const { return static_cast<int>(images_.size()); }
+  const cv::Mat& image(int level) const { return images_[static_cast<std::size_t>(level)]; }
+
+  /// Pixels of level 0 in one of this level, along x. Widths are rounded, so it is not exactly a
+  /// power of the scale factor.
+  double scale(int level) const { return static_cast<double>(images_[0].cols) / image(level).cols; }
+
+  /// Pixel of level 0 of a pixel of a level, and back.
+  Eigen::Vector2d from_level(const Eigen::Vector2d& p, int level) const {
+    return {(p.x() + 0.5) * scale(level) - 0.5, (p.y() + 0.5) * scale_y(level) - 0.5};
+  }
+  Eigen::Vector2d to_level(const Eigen::Vector2d& p, int level) const {
+    return {(p.x() + 0.5) / scale(level) - 0.5, (p.y() + 0.5) / scale_y(level) - 0.5};
+  }
+
+ private:
+  double scale_y(int level) const {
+    return static_cast<double>(images_[0].rows) / image(level).rows;
+  }
+
+  std::vector<cv::Mat> images_;
+};
+
+/// Grey value between pixels; the caller keeps 0 <= x < width - 1, 0 <= y < height - 1.
+inline float gray_at(const cv::Mat& image, float x, float y) {
+  const int ix = static_cast<int>(x), iy = static_cast<int>(y);
+  const float a = x - static_cast<float>(ix), b = y - static_cast<float>(iy);
+  const uchar* above = image.ptr<uchar>(iy) + ix;
+  const uchar* below = image.ptr<uchar>(iy + 1) + ix;
+  const float top = above[0] + a * static_cast<float>(above[1] - above[0]);
+  const float bottom = below[0] + a * static_cast<float>(below[1] - below[0]);
+  return top + b * (bottom - top);
+}
+
+}  // namespace stillpoint::rgbd_slam
