@@ -35,8 +35,8 @@ struct FrontEndSettings {
   bool use_compensation = true;
   bool use_depth = true;
   bool use_probability = true;
-  /// Beyond the paper: find what moves though no segmenter names it. Needs depth and a host that
-  /// predicts its motion and calls correct_pose().
+  /// Beyond the paper: find what moves though no segmenter names it. Needs depth; better with a
+  /// host that calls correct_pose().
   bool use_motion = false;
   /// Instances of other classes are taken for static. Objects without a class are always dynamic.
   std::vector<std::string> dynamic_classes{"person"};
@@ -202,12 +202,16 @@ class BasicFrontEnd {
     keep_dynamic(segmentation);
 
     Clock::time_point start = Clock::now();
-    if (settings_.use_motion) find_movers(frame, T_current_last);
+    std::optional<Eigen::Isometry3d> T = T_current_last;
+    if (settings_.use_motion) {
+      find_movers(frame, T_current_last);
+      T = motion_.motion();
+    }
     stats_.motion_ms = milliseconds_since(start);
 
     start = Clock::now();
     const Segmentation* instances = &dynamic_;  // the segmenter's and the movers
-    if (settings_.use_compensation) instances = &compensator_.mend(frame, dynamic_, T_current_last);
+    if (settings_.use_compensation) instances = &compensator_.mend(frame, dynamic_, T);
     stats_.compensation_ms = milliseconds_since(start);
 
     start = Clock::now();

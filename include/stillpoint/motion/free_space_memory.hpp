@@ -116,7 +116,7 @@ class FreeSpaceMemory {
         if (view.free_to_m[j] > Y.z() + slack + 0.02f)
           score_[i] = static_cast<signed char>(score_[i] + 2);
         else if (!view.dynamic[j] && then.depth_m[j] > 0 &&
-                 std::abs(then.depth_m[j] - Y.z()) < slack)
+                 std::abs(then.depth_m[j] - Y.z()) < slack && score_[i] <= 0)
           score_[i] = static_cast<signed char>(score_[i] - 1);
       }
     }

@@ -16,6 +16,7 @@
 #include "stillpoint/core/error.hpp"
 #include "stillpoint/core/frame.hpp"
 #include "stillpoint/core/instance.hpp"
+#include "stillpoint/motion/camera_motion.hpp"
 #include "stillpoint/motion/coarse_frame.hpp"
 #include "stillpoint/motion/free_space_memory.hpp"
 
@@ -37,6 +38,8 @@ struct MotionCheckSettings {
   /// dropped.
   double max_step_m = 0.5;
   double max_turn_deg = 30;
+  /// The host's motion is not believed where the frames' own has so much more support (0 to 1).
+  double max_doubt = 0.08;
 
   /// Throws Error if a setting makes no sense.
   void check() const {
@@ -52,6 +55,7 @@ struct MotionCheckSettings {
       fail("min_moved_share", "0 to 1", min_moved_share);
     if (!(growth_m >= 0)) fail("growth_m", "at least 0", growth_m);
     if (!(max_step_m > 0)) fail("max_step_m", "more than 0", max_step_m);
+    if (!(max_doubt >= 0)) fail("max_doubt", "at least 0", max_doubt);
     if (!(max_turn_deg > 0)) fail("max_turn_deg", "more than 0", max_turn_deg);
   }
 };
@@ -65,10 +69,14 @@ struct MotionCheckSettings {
 /// "dynamic"). Cells on depth edges and without depth say nothing. Moved cells that hang together
 /// grow over connected depth, never into static cells, and become instances without a class.
 /// The long base finds slow movers, the depth finds those without texture, and blur does no harm.
+/// Surfaces around corners that move together otherwise than the camera have moved at once: so
+/// people are found in the first frames, before there is a past to compare with.
 ///
-/// It needs depth, and the camera's motion: the host's prediction for the new frame, and its pose
-/// of the last one (correct()). Without a prediction nothing is found in that frame. Memory:
-/// about 4 MB. Cost: O(cells x 6 + pixels / 4). Not thread-safe; one object per camera.
+/// It needs depth. The camera's motion it measures itself (CameraMotion); the host's pose of the
+/// last frame (correct()) is better and taken instead, unless the frames speak against it: a
+/// tracker that went with a person close by is not followed. Where the frames show too little, the
+/// host's prediction serves, and without any nothing is found. Memory: about 5 MB. Cost: O(cells x
+/// 6 + pixels). Not thread-safe; one object per camera.
 class MotionCheck {
  public:
   using Settings = MotionCheckSettings;
@@ -81,31 +89,39 @@ class MotionCheck {
   const Settings& settings() const { return settings_; }
 
   /// Finds the movers of a frame. `T_current_last` maps points of the last frame's camera into this
-  /// one's. The reference and the masks stay valid until the next call. Call remember() afterwards.
+  /// one's, as the host predicts it, if it does. The reference and the masks stay valid until the
+  /// next call. Call remember() afterwards.
   const std::vector<Instance>& find(const RgbdFrame& frame,
                                     const std::optional<Eigen::Isometry3d>& T_current_last) {
     check_frame(frame);
     found_.clear();
     judged_ = false;
     view_.set(frame, camera_);
-    if (frame.timestamp <= last_s_ || (T_current_last && is_cut(*T_current_last)) ||
-        (!T_current_last && !memory_.empty()))
-      reset();
+    if (frame.timestamp <= last_s_ || (T_current_last && is_cut(*T_current_last))) reset();
     last_s_ = frame.timestamp;
-    if (view_.empty()) return found_;
+    if (view_.empty()) {
+      camera_motion_.reset();
+      return found_;
+    }
     size_ = frame.color.size();
-    if (T_current_last) {
-      T_world_camera_ = T_world_camera_ * T_current_last->inverse();
-      // Products of many rotations must stay a rotation.
-      T_world_camera_.linear() =
-          Eigen::Quaterniond(T_world_camera_.linear()).normalized().toRotationMatrix();
+    motion_ = choose_motion(frame, T_current_last);
+    if (!motion_ && !memory_.empty()) reset();
+    if (motion_) {
+      if (is_cut(*motion_)) reset();
+      T_world_camera_ = T_world_camera_ * motion_->inverse();
+      normalize(T_world_camera_);
     }
     current_.set(frame, view_, settings_.block_px);
     judged_ = true;
     memory_.judge(frame.timestamp, T_world_camera_, current_, evidence_);
+    if (seen_motion_ && seen_motion_->support > 0.6) hear_dissents(T_current_last);
     grow();
     return found_;
   }
+
+  /// The camera's motion to the last frame of find() as it was used there: the frames' own, or the
+  /// host's where they show too little. Empty: neither.
+  const std::optional<Eigen::Isometry3d>& motion() const { return motion_; }
 
   /// Tells the true motion of the last frame, once the host has tracked it: T_current_last as in
   /// find(), but measured. Call it before remember() or any time before the next find().
@@ -115,10 +131,9 @@ class MotionCheck {
       const Eigen::Isometry3d step = host_pose_->inverse() * T_world_camera;
       if (is_cut(step)) {
         reset();  // the host relocalised or closed a loop
-      } else {
+      } else if (host_agreed_ = trusts(step.inverse()); host_agreed_) {
         T_world_camera_ = last_pose_ * step;
-        T_world_camera_.linear() =
-            Eigen::Quaterniond(T_world_camera_.linear()).normalized().toRotationMatrix();
+        normalize(T_world_camera_);
         memory_.set_newest_pose(T_world_camera_);
       }
     }
@@ -149,17 +164,66 @@ class MotionCheck {
   /// Forgets everything (a cut in the sequence).
   void reset() {
     memory_.clear();
+    dynamic_.clear();
     T_world_camera_ = last_pose_ = Eigen::Isometry3d::Identity();
     host_pose_.reset();
   }
 
  private:
+  static constexpr float kDissentReachM = 0.1f;
+
   enum State : std::uint8_t { kFree, kTaken };
+
+  static void normalize(Eigen::Isometry3d& T) {
+    // Products of many rotations must stay a rotation.
+    T.linear() = Eigen::Quaterniond(T.linear()).normalized().toRotationMatrix();
+  }
+
+  // The host's motion, unless the frames speak against it.
+  std::optional<Eigen::Isometry3d> choose_motion(const RgbdFrame& frame,
+                                                 const std::optional<Eigen::Isometry3d>& host) {
+    const Eigen::Isometry3d guess = host      ? *host
+                                    : motion_ ? *motion_
+                                              : Eigen::Isometry3d::Identity();
+    const int b = settings_.block_px;
+    camera_motion_.add(frame, view_, guess, [&](int u, int v) {
+      const int x = u / b, y = v / b;
+      return dynamic_.size() == current_.size() && x < current_.width && y < current_.height &&
+             dynamic_[current_.index(x, y)] != 0;
+    });
+    seen_motion_ = camera_motion_.estimate(guess);
+    if (!seen_motion_) return host;
+    return seen_motion_->T_current_last;
+  }
+
+  // Whether a measured motion of the host's agrees with what the frames show.
+  bool trusts(const Eigen::Isometry3d& T_current_last) const {
+    return !seen_motion_ ||
+           camera_motion_.support(T_current_last) > seen_motion_->support - settings_.max_doubt;
+  }
 
   bool is_cut(const Eigen::Isometry3d& T) const {
     return !(T.translation().norm() < settings_.max_step_m &&
              Eigen::AngleAxisd(T.linear()).angle() * 180 / 3.14159265358979 <
                  settings_.max_turn_deg);
+  }
+
+  // Surfaces around corners that move for themselves have moved, whatever else speaks for them: a
+  // slow surface lies over where it was a moment ago.
+  void hear_dissents(const std::optional<Eigen::Isometry3d>& host) {
+    const float per_cell = 1.0f / static_cast<float>(settings_.block_px);
+    const Eigen::Isometry3d& seen = seen_motion_->T_current_last;
+    for (const CameraMotion::Dissent& d :
+         camera_motion_.dissents(seen, host && host_agreed_ ? *host : seen)) {
+      const int reach = static_cast<int>(kDissentReachM * current_.fx / d.depth_m);
+      const int cx = static_cast<int>(d.u * per_cell), cy = static_cast<int>(d.v * per_cell);
+      for (int y = std::max(0, cy - reach); y <= std::min(current_.height - 1, cy + reach); ++y)
+        for (int x = std::max(0, cx - reach); x <= std::min(current_.width - 1, cx + reach); ++x) {
+          const std::size_t i = current_.index(x, y);
+          if (current_.depth_m[i] > 0 && std::abs(current_.depth_m[i] - d.depth_m) < 0.1f)
+            evidence_[i] = CellEvidence::kMoved;
+        }
+    }
   }
 
   // Moved cells that hang together, and the connected cells around them.
@@ -235,13 +299,16 @@ class MotionCheck {
   DepthView view_;
   cv::Size size_;
   CoarseFrame current_;
+  CameraMotion camera_motion_;
+  std::optional<CameraMotion::Estimate> seen_motion_;
+  std::optional<Eigen::Isometry3d> motion_;
   FreeSpaceMemory memory_;
   std::vector<CellEvidence> evidence_;
   Eigen::Isometry3d T_world_camera_ = Eigen::Isometry3d::Identity();
   Eigen::Isometry3d last_pose_ = Eigen::Isometry3d::Identity();  // at the host's last pose
   std::optional<Eigen::Isometry3d> host_pose_;
   double last_s_ = -1e300;
-  bool judged_ = false;
+  bool judged_ = false, host_agreed_ = false;
   std::vector<State> state_;
   std::vector<Visit> queue_;
   std::vector<std::uint8_t> dynamic_;

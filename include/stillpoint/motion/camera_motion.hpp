@@ -1,0 +1,396 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <Eigen/Cholesky>
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "stillpoint/core/depth_view.hpp"
+#include "stillpoint/core/frame.hpp"
+#include "stillpoint/core/random.hpp"
+
+namespace stillpoint {
+
+/// The camera's motion from one frame to the next, from the frames themselves: corners are followed
+/// and the rigid motion is taken that most of the world agrees with.
+///
+/// A corner counts by the area that it stands for in space, not in the picture: a person close by
+/// may fill half of the picture, yet the walls behind are ten times as many square metres. So it
+/// keeps to the world where a tracker that counts keypoints goes with the person. It drifts by
+/// about a millimetre a frame: enough to doubt a host's motion, and for hosts that tell none.
+class CameraMotion {
+ public:
+  struct Estimate {
+    /// Maps points of the last frame's camera into the new one's.
+    Eigen::Isometry3d T_current_last = Eigen::Isometry3d::Identity();
+    /// Share of the followed area that agrees with it, 0 to 1.
+    double support = 0;
+  };
+
+  /// Forgets the last frame.
+  void reset() { last_.empty = current_.empty = true; }
+
+  /// Takes the next frame, without looking for the motion to it. O(pixels).
+  void begin(const RgbdFrame& frame, const DepthView& depth) {
+    flows_.clear();
+    current_.set(frame, depth);
+  }
+
+  /// Takes the next frame and follows the corners of the frame before from where `guess` puts
+  /// them. Left out are those where `dynamic(u, v)` says that the frame before is known to be
+  /// dynamic at that pixel. O(pixels), and about 3 us per corner.
+  template <class Dynamic>
+  void add(const RgbdFrame& frame, const DepthView& depth, const Eigen::Isometry3d& guess,
+           Dynamic&& dynamic) {
+    std::swap(last_, current_);
+    begin(frame, depth);
+    if (last_.empty || current_.empty || last_.size() != current_.size()) return;
+    for (const Corner& c : last_.corners)
+      if (!dynamic(2 * c.x, 2 * c.y)) follow(c, depth, guess);
+  }
+
+  /// Estimates the motion between the last two frames; `guess` is one of the motions that are
+  /// tried. No value: too few corners, or no agreement among them.
+  std::optional<Estimate> estimate(const Eigen::Isometry3d& guess) {
+    if (flows_.size() < kMinFlows) return std::nullopt;
+    Eigen::Isometry3d best = guess;
+    double s = improve(best);
+    RandomGenerator random(1);
+    // The more agree, the sooner three that are all of the world have been drawn.
+    for (int i = 0; i < kHypotheses && i * s * s * s < 40; ++i) {
+      std::optional<Eigen::Isometry3d> T = from_three(random, guess);
+      if (!T || support(*T) < kPromising * s) continue;
+      const double improved = improve(*T);
+      if (improved > s) best = *T, s = improved;
+    }
+    for (int i = 0; i < 3; ++i) s = improve(best);
+    if (s < kMinSupport) return std::nullopt;
+    return Estimate{best, s};
+  }
+
+  /// Share of the followed area that agrees with a motion.
+  double support(const Eigen::Isometry3d& T_current_last) const {
+    const Eigen::Matrix3f R = T_current_last.linear().cast<float>();
+    const Eigen::Vector3f t = T_current_last.translation().cast<float>();
+    double agree = 0, all = 0;
+    for (const Flow& f : flows_) {
+      all += f.area;
+      agree += f.area * agreement(f, R * f.from + t);
+    }
+    return all > 0 ? agree / all : 0;
+  }
+
+  /// A corner that moves otherwise than the camera says, with others around it that do so too.
+  struct Dissent {
+    /// Where it is in the new frame, pixels; its depth, metres.
+    float u, v, depth_m;
+  };
+
+  /// The corners that dissent from two motions (the same one twice, where there is one): off by
+  /// over two pixels and four times what is usual, with at least two others within 0.3 m that move
+  /// alike, and more than do not. O(corners squared).
+  const std::vector<Dissent>& dissents(const Eigen::Isometry3d& T_current_last,
+                                       const Eigen::Isometry3d& another) {
+    dissents_.clear();
+    if (flows_.empty()) return dissents_;
+    const float limit_another = measure_errors(another);
+    other_errors_ = errors_;
+    const float limit = measure_errors(T_current_last);
+    for (std::size_t i = 0; i < flows_.size(); ++i) {
+      const float size = errors_[i].norm();
+      if (size < limit || other_errors_[i].norm() < limit_another || !flows_[i].whole) continue;
+      int with = 0, against = 0;
+      for (std::size_t j = 0; j < flows_.size(); ++j)
+        if ((flows_[i].from - flows_[j].from).squaredNorm() < 0.3f * 0.3f)
+          ++((errors_[i] - errors_[j]).norm() < 0.5f * size ? with : against);
+      if (with >= 3 && with > against)
+        dissents_.push_back({flows_[i].u, flows_[i].v, flows_[i].depth_m});
+    }
+    return dissents_;
+  }
+
+  /// Corners followed from the frame before to the one last added.
+  std::size_t followed() const { return flows_.size(); }
+
+ private:
+  static constexpr std::size_t kMinFlows = 20;
+  static constexpr int kHypotheses = 100;
+  static constexpr float kMaxErrorPx = 0.8f;  // of the whole picture's
+  static constexpr double kMinSupport = 0.3, kPromising = 0.5;
+  static constexpr int kNearPx = 8, kFarPx = 16;  // the patch on the half and the quarter picture
+  static constexpr int kBlock = 5;                // quarter pixels; one corner each
+  static constexpr int kRadius = 4;               // of the patch
+  static constexpr int kRim = kRadius + 2;
+
+  // x, y: half pixels; depth in metres.
+  struct Corner {
+    int x, y;
+    float depth_m, score;
+  };
+
+  // A corner in space before, where it is seen now (u, v in whole pixels; its depth or 0).
+  struct Flow {
+    Eigen::Vector3f from;
+    float u, v, depth_m, area;
+    bool whole;  // no edge of depth in all of the patch
+  };
+
+  struct Picture {
+    cv::Mat gray, half, quarter, score;
+    std::vector<Corner> corners;
+    float fx = 1, fy = 1, cx = 0, cy = 0;
+    bool empty = true;
+
+    cv::Size size() const { return half.size(); }
+
+    void set(const RgbdFrame& frame, const DepthView& view) {
+      empty = view.empty();
+      corners.clear();
+      if (empty) return;
+      if (frame.color.channels() == 3)
+        cv::extractChannel(frame.color, gray, 1);
+      else
+        gray = frame.color;
+      cv::resize(gray, half, {gray.cols / 2, gray.rows / 2}, 0, 0, cv::INTER_AREA);
+      cv::resize(half, quarter, {half.cols / 2, half.rows / 2}, 0, 0, cv::INTER_AREA);
+      cv::cornerMinEigenVal(quarter, score, 3);
+      fx = view.focal_px(), fy = view.focal_y_px(), cx = view.center_x(), cy = view.center_y();
+      for (int y0 = kRim; y0 + kBlock + kRim <= quarter.rows; y0 += kBlock)
+        for (int x0 = kRim; x0 + kBlock + kRim <= quarter.cols; x0 += kBlock) {
+          Corner best{0, 0, 0, 2e-4f};
+          for (int y = y0; y < y0 + kBlock; ++y)
+            for (int x = x0; x < x0 + kBlock; ++x)
+              if (score.at<float>(y, x) > best.score)
+                best = {2 * x, 2 * y, 0, score.at<float>(y, x)};
+          if (best.x == 0) continue;
+          best.depth_m = whole_depth(view, 2 * best.x, 2 * best.y, kNearPx);
+          if (best.depth_m > 0) corners.push_back(best);
+        }
+      if (corners.size() > kMaxCorners) {
+        std::nth_element(
+            corners.begin(), corners.begin() + kMaxCorners, corners.end(),
+            [](const Corner& a, const Corner& b) {
+              return a.score != b.score ? a.score > b.score : a.y != b.y ? a.y < b.y : a.x < b.x;
+            });
+        corners.resize(kMaxCorners);
+      }
+    }
+  };
+  static constexpr std::size_t kMaxCorners = 250;
+
+  // Depth around a pixel; 0 where it is not measured or torn by an edge.
+  static float whole_depth(const DepthView& view, int u, int v, int reach) {
+    if (u < reach || v < reach || u + reach >= view.size().width || v + reach >= view.size().height)
+      return 0;
+    int lo = 65536, hi = 0, sum = 0, n = 0;
+    for (int y = v - reach; y <= v + reach; y += 4)
+      for (int x = u - reach; x <= u + reach; x += 4) {
+        const int z = view.row(y)[x];
+        if (z == 0) continue;
+        lo = std::min(lo, z), hi = std::max(hi, z);
+        if (std::abs(x - u) <= 4 && std::abs(y - v) <= 4) sum += z, ++n;
+      }
+    if (n < 5) return 0;
+    const float near = view.to_m(static_cast<std::uint16_t>(lo));
+    const float far = view.to_m(static_cast<std::uint16_t>(hi));
+    return far - near < 0.05f + 0.07f * near
+               ? static_cast<float>(sum) / static_cast<float>(n) * view.metres_per_unit_value()
+               : 0;
+  }
+
+  // Fills errors_; returns from which on one is not just noise.
+  float measure_errors(const Eigen::Isometry3d& T_current_last) {
+    const Eigen::Matrix3f R = T_current_last.linear().cast<float>();
+    const Eigen::Vector3f t = T_current_last.translation().cast<float>();
+    errors_.clear();
+    sorted_.clear();
+    for (const Flow& f : flows_) {
+      errors_.push_back(error_px(f, R * f.from + t));
+      sorted_.push_back(errors_.back().norm());
+    }
+    const auto middle = sorted_.begin() + static_cast<std::ptrdiff_t>(sorted_.size() / 2);
+    std::nth_element(sorted_.begin(), middle, sorted_.end());
+    return std::max(2.0f, 4 * *middle);
+  }
+
+  Eigen::Vector2f error_px(const Flow& f, const Eigen::Vector3f& q) const {
+    if (q.z() < 0.2f) return {1e6f, 1e6f};
+    return {current_.fx * q.x() / q.z() + current_.cx - f.u,
+            current_.fy * q.y() / q.z() + current_.cy - f.v};
+  }
+
+  // 1 where the corner is seen just there, 0 beyond the greatest error.
+  float agreement(const Flow& f, const Eigen::Vector3f& q) const {
+    if (q.z() < 0.2f) return 0;
+    const float du = current_.fx * q.x() / q.z() + current_.cx - f.u;
+    const float dv = current_.fy * q.y() / q.z() + current_.cy - f.v;
+    const float share = (du * du + dv * dv) / (kMaxErrorPx * kMaxErrorPx);
+    if (!(share < 1)) return 0;
+    if (f.depth_m > 0 && std::abs(f.depth_m - q.z()) > 0.03f + 0.012f * q.z() * q.z()) return 0;
+    return 1 - share;
+  }
+
+  void follow(const Corner& c, const DepthView& depth, const Eigen::Isometry3d& guess) {
+    // The pixel of half pixel i is 2 i + 0.5.
+    const float u0 = 2.0f * static_cast<float>(c.x) + 0.5f;
+    const float v0 = 2.0f * static_cast<float>(c.y) + 0.5f;
+    Flow f;
+    f.from = {(u0 - last_.cx) / last_.fx * c.depth_m, (v0 - last_.cy) / last_.fy * c.depth_m,
+              c.depth_m};
+    const Eigen::Vector3f q = (guess * f.from.cast<double>()).cast<float>();
+    if (q.z() < 0.2f) return;
+    float du = current_.fx * q.x() / q.z() + current_.cx - u0;
+    float dv = current_.fy * q.y() / q.z() + current_.cy - v0;
+    if (!shift(last_.quarter, current_.quarter, c.x / 2, c.y / 2, 4, du, dv)) return;
+    if (!shift(last_.half, current_.half, c.x, c.y, 2, du, dv)) return;
+    f.u = u0 + du, f.v = v0 + dv;
+    f.area = std::min(c.depth_m, 4.0f) * std::min(c.depth_m, 4.0f);
+    f.depth_m =
+        whole_depth(depth, static_cast<int>(f.u + 0.5f), static_cast<int>(f.v + 0.5f), kNearPx);
+    f.whole =
+        whole_depth(depth, static_cast<int>(f.u + 0.5f), static_cast<int>(f.v + 0.5f), kFarPx) > 0;
+    flows_.push_back(f);
+  }
+
+  // Follows a patch from (x, y) of `from` into `to`, smaller by `scale` than the whole picture: du
+  // and dv, in pixels of the whole one, are the guess and become what is found (Lucas and Kanade
+  // with the slopes of the template, and free brightness).
+  static bool shift(const cv::Mat& from, const cv::Mat& to, int x, int y, int scale, float& du,
+                    float& dv) {
+    constexpr int kSide = 2 * kRadius + 1;
+    if (x < kRadius + 1 || y < kRadius + 1 || x + kRadius + 1 >= from.cols ||
+        y + kRadius + 1 >= from.rows)
+      return false;
+    float gx[kSide * kSide], gy[kSide * kSide], value[kSide * kSide];
+    Eigen::Matrix3f H = Eigen::Matrix3f::Zero();
+    for (int v = 0, n = 0; v < kSide; ++v) {
+      const uchar* row = from.ptr<uchar>(y - kRadius + v) + x - kRadius;
+      const uchar* above = row - from.step;
+      const uchar* below = row + from.step;
+      for (int u = 0; u < kSide; ++u, ++n) {
+        gx[n] = 0.5f * static_cast<float>(row[u + 1] - row[u - 1]);
+        gy[n] = 0.5f * static_cast<float>(below[u] - above[u]);
+        value[n] = row[u];
+        H(0, 0) += gx[n] * gx[n], H(0, 1) += gx[n] * gy[n], H(1, 1) += gy[n] * gy[n];
+        H(0, 2) += gx[n], H(1, 2) += gy[n];
+      }
+    }
+    H(1, 0) = H(0, 1), H(2, 0) = H(0, 2), H(2, 1) = H(1, 2), H(2, 2) = kSide * kSide;
+    Eigen::Matrix3f inverse;
+    bool invertible = false;
+    H.computeInverseWithCheck(inverse, invertible, 1.0f);
+    if (!invertible) return false;
+    const float per_pixel = 1.0f / static_cast<float>(scale);
+    float px = static_cast<float>(x - kRadius) + du * per_pixel;
+    float py = static_cast<float>(y - kRadius) + dv * per_pixel;
+    const float start_x = px, start_y = py;
+    float bias = 0;
+    for (int iteration = 0; iteration < 8; ++iteration) {
+      if (!(px >= 0 && py >= 0 && px < static_cast<float>(to.cols - kSide - 1) &&
+            py < static_cast<float>(to.rows - kSide - 1)))
+        return false;
+      const int ix = static_cast<int>(px), iy = static_cast<int>(py);
+      const float a = px - static_cast<float>(ix), b = py - static_cast<float>(iy);
+      const float w00 = (1 - a) * (1 - b), w01 = a * (1 - b), w10 = (1 - a) * b, w11 = a * b;
+      float sx = 0, sy = 0, s1 = 0, squares = 0;
+      for (int v = 0, n = 0; v < kSide; ++v) {
+        const uchar* row = to.ptr<uchar>(iy + v) + ix;
+        const uchar* below = row + to.step;
+        for (int u = 0; u < kSide; ++u, ++n) {
+          const float r = w00 * row[u] + w01 * row[u + 1] + w10 * below[u] + w11 * below[u + 1] -
+                          value[n] - bias;
+          sx += r * gx[n], sy += r * gy[n], s1 += r;
+          squares += r * r;
+        }
+      }
+      const Eigen::Vector3f d = inverse * Eigen::Vector3f(sx, sy, s1);
+      px -= d.x(), py -= d.y(), bias += d.z();
+      if (std::abs(px - start_x) > kMaxShift || std::abs(py - start_y) > kMaxShift) return false;
+      if (d.x() * d.x() + d.y() * d.y() > 0.02f * 0.02f) continue;
+      if (squares > kMaxResidual * kMaxResidual * kSide * kSide) return false;
+      break;
+    }
+    du = (px - static_cast<float>(x - kRadius)) * static_cast<float>(scale);
+    dv = (py - static_cast<float>(y - kRadius)) * static_cast<float>(scale);
+    return true;
+  }
+
+  // The motion that three corners agree with: exact, by steps from the guess.
+  std::optional<Eigen::Isometry3d> from_three(RandomGenerator& random, Eigen::Isometry3d T) const {
+    std::array<const Flow*, 3> three;
+    for (const Flow*& f : three) f = &flows_[random.below(flows_.size())];
+    for (int i = 0; i < 3; ++i) {
+      Normal normal;
+      for (const Flow* f : three) add_to(normal, *f, T, 1e9f);
+      if (normal.count < 3 || !step(normal, T)) return std::nullopt;
+    }
+    return T;
+  }
+
+  // Two steps towards those that agree; the support then.
+  double improve(Eigen::Isometry3d& T) const {
+    for (int i = 0; i < 2; ++i) {
+      Normal normal;
+      for (const Flow& f : flows_) add_to(normal, f, T, kMaxErrorPx);
+      if (normal.count < kMinFlows / 2 || !step(normal, T)) return 0;
+    }
+    return support(T);
+  }
+
+  struct Normal {
+    Eigen::Matrix<double, 6, 6> H = Eigen::Matrix<double, 6, 6>::Zero();
+    Eigen::Matrix<double, 6, 1> g = Eigen::Matrix<double, 6, 1>::Zero();
+    std::size_t count = 0;
+  };
+
+  void add_to(Normal& normal, const Flow& f, const Eigen::Isometry3d& T, float max_error_px) const {
+    const Eigen::Vector3d q = T * f.from.cast<double>();
+    if (q.z() < 0.2) return;
+    const double z = q.z(), x = q.x() / z, y = q.y() / z;
+    const double fx = current_.fx, fy = current_.fy;
+    const Eigen::Vector2d e(fx * x + current_.cx - f.u, fy * y + current_.cy - f.v);
+    const double share = e.squaredNorm() / (max_error_px * max_error_px);
+    if (share >= 1) return;
+    Eigen::Matrix<double, 2, 6> J;
+    J << fx / z, 0, -fx * x / z, -fx * x * y, fx * (1 + x * x), -fx * y,  //
+        0, fy / z, -fy * y / z, -fy * (1 + y * y), fy * x * y, fy * x;
+    const double weight = f.area * (1 - share) * (1 - share);
+    normal.H.noalias() += weight * J.transpose() * J;
+    normal.g.noalias() += weight * J.transpose() * e;
+    ++normal.count;
+  }
+
+  static bool step(const Normal& normal, Eigen::Isometry3d& T) {
+    const Eigen::Matrix<double, 6, 1> d = normal.H.ldlt().solve(-normal.g);
+    if (!d.allFinite() || d.norm() > 1) return false;
+    Eigen::Isometry3d by = Eigen::Isometry3d::Identity();
+    const double angle = d.tail<3>().norm();
+    if (angle > 1e-12)
+      by.linear() = Eigen::AngleAxisd(angle, d.tail<3>() / angle).toRotationMatrix();
+    by.translation() = d.head<3>();
+    T = by * T;
+    T.linear() = Eigen::Quaterniond(T.linear()).normalized().toRotationMatrix();
+    return true;
+  }
+
+  static constexpr float kMaxShift = 5, kMaxResidual = 14;
+
+  Picture last_, current_;
+  std::vector<Flow> flows_;
+  std::vector<Eigen::Vector2f> errors_, other_errors_;
+  std::vector<float> sorted_;
+  std::vector<Dissent> dissents_;
+};
+
+}  // namespace stillpoint

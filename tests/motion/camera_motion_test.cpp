@@ -1,0 +1,187 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "stillpoint/motion/camera_motion.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstdint>
+#include <opencv2/core.hpp>
+
+#include "stillpoint/motion/motion_check.hpp"
+
+namespace stillpoint {
+namespace {
+
+constexpr int kWidth = 320, kHeight = 240;
+
+Camera small_camera() {
+  Camera camera;
+  camera.fx = camera.fy = 260;
+  camera.cx = 159.5, camera.cy = 119.5;
+  camera.width = kWidth, camera.height = kHeight;
+  return camera;
+}
+
+double hash(std::int64_t x, std::int64_t y, std::int64_t plane) {
+  std::uint64_t h = static_cast<std::uint64_t>(x * 73856093 ^ y * 19349663 ^ plane * 83492791);
+  h = (h ^ (h >> 31)) * 0x9e3779b97f4a7c15ull;
+  return static_cast<double>((h ^ (h >> 29)) & 1023) / 1023;
+}
+
+// Smooth noise with features of `size_m`.
+double texture(double x, double y, double size_m, int plane) {
+  x /= size_m, y /= size_m;
+  const double fx = std::floor(x), fy = std::floor(y);
+  const std::int64_t ix = static_cast<std::int64_t>(fx), iy = static_cast<std::int64_t>(fy);
+  const double a = x - fx, b = y - fy;
+  return 30 + 190 * ((1 - b) * ((1 - a) * hash(ix, iy, plane) + a * hash(ix + 1, iy, plane)) +
+                     b * ((1 - a) * hash(ix, iy + 1, plane) + a * hash(ix + 1, iy + 1, plane)));
+}
+
+/// A textured wall 3.2 m ahead, askew (a turn before a wall that is not looks as a step does) and,
+/// if `box_x` is a number, a textured board 1.2 m ahead that is 0.44 m wide and as high as the
+/// picture: a good part of the corners, little area.
+RgbdFrame render(double timestamp, const Eigen::Isometry3d& T_world_camera, double box_x = NAN) {
+  const Camera camera = small_camera();
+  RgbdFrame frame;
+  frame.timestamp = timestamp;
+  frame.depth_units_per_m = 5000;
+  frame.color.create(kHeight, kWidth, CV_8UC1);
+  frame.depth.create(kHeight, kWidth, CV_16UC1);
+  const Eigen::Vector3d o = T_world_camera.translation();
+  for (int y = 0; y < kHeight; ++y)
+    for (int x = 0; x < kWidth; ++x) {
+      const Eigen::Vector3d d = T_world_camera.linear() * camera.unproject(x, y, 1);
+      double z = (3.2 + 0.6 * o.x() - o.z()) / (d.z() - 0.6 * d.x());
+      Eigen::Vector3d p = o + z * d;
+      double gray = texture(p.x(), p.y(), 0.12, 1);
+      const double near = (1.2 - o.z()) / d.z();
+      const Eigen::Vector3d q = o + near * d;
+      if (std::abs(q.x() - box_x) < 0.22) {
+        z = near;
+        gray = texture(q.x() - box_x, q.y(), 0.04, 2);
+      }
+      frame.color.at<uchar>(y, x) = static_cast<uchar>(std::lround(gray));
+      frame.depth.at<std::uint16_t>(y, x) = static_cast<std::uint16_t>(std::lround(z * 5000));
+    }
+  return frame;
+}
+
+Eigen::Isometry3d pose(double x, double y, double turn_deg) {
+  Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+  T.translation() << x, y, 0;
+  T.linear() =
+      Eigen::AngleAxisd(turn_deg * 3.14159265358979 / 180, Eigen::Vector3d::UnitY()).matrix();
+  return T;
+}
+
+void add(CameraMotion& motion, const RgbdFrame& frame, const Eigen::Isometry3d& guess) {
+  DepthView view;
+  view.set(frame, small_camera());
+  motion.add(frame, view, guess, [](int, int) { return false; });
+}
+
+double turn_deg(const Eigen::Isometry3d& T) {
+  return Eigen::AngleAxisd(T.linear()).angle() * 180 / 3.14159265358979;
+}
+
+TEST(CameraMotion, MeasuresTheMotionInAStaticWorld) {
+  const Eigen::Isometry3d first = pose(0, 0, 0), second = pose(0.03, -0.01, 1.5);
+  CameraMotion motion;
+  add(motion, render(0, first), Eigen::Isometry3d::Identity());
+  EXPECT_FALSE(motion.estimate(Eigen::Isometry3d::Identity()).has_value());
+  add(motion, render(0.03, second), Eigen::Isometry3d::Identity());
+  const auto found = motion.estimate(Eigen::Isometry3d::Identity());
+  ASSERT_TRUE(found.has_value());
+  const Eigen::Isometry3d error = found->T_current_last * (second.inverse() * first).inverse();
+  EXPECT_LT(error.translation().norm(), 0.004);
+  EXPECT_LT(turn_deg(error), 0.08);
+  EXPECT_GT(found->support, 0.8);
+  EXPECT_TRUE(motion.dissents(found->T_current_last, found->T_current_last).empty());
+}
+
+TEST(CameraMotion, KeepsToTheWallAlthoughTheHostGoesWithAPersonCloseBy) {
+  const Eigen::Isometry3d first = pose(0, 0, 0), second = pose(0.05, 0, 0);
+  // The board goes 5 cm to the left: to one who holds it for the world, the camera made 10 cm.
+  const Eigen::Isometry3d with_board = pose(0.1, 0, 0).inverse();
+  CameraMotion motion;
+  add(motion, render(0, first, 0.0), Eigen::Isometry3d::Identity());
+  add(motion, render(0.03, second, -0.05), with_board);
+  const auto found = motion.estimate(with_board);
+  ASSERT_TRUE(found.has_value());
+  const Eigen::Isometry3d error = found->T_current_last * second;
+  EXPECT_LT(error.translation().norm(), 0.004);
+  EXPECT_LT(motion.support(with_board), found->support - 0.3);
+
+  const auto& dissents = motion.dissents(found->T_current_last, found->T_current_last);
+  EXPECT_GT(dissents.size(), 10u);
+  for (const CameraMotion::Dissent& d : dissents) EXPECT_LT(d.depth_m, 1.5);
+  // Who follows the board is believed that the board stands still.
+  EXPECT_TRUE(motion.dissents(found->T_current_last, with_board).empty());
+}
+
+TEST(CameraMotion, SaysNothingWhereThereIsNothingToFollow) {
+  CameraMotion motion;
+  const Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+  RgbdFrame blank = render(0, T);
+  blank.color.setTo(90);
+  add(motion, blank, T);
+  add(motion, blank, T);
+  EXPECT_FALSE(motion.estimate(T).has_value());
+  add(motion, render(0.1, T), T);
+  EXPECT_FALSE(motion.estimate(T).has_value());
+  motion.reset();
+  add(motion, render(0.2, T), T);
+  EXPECT_FALSE(motion.estimate(T).has_value());
+  RgbdFrame without = render(0.3, T);
+  without.depth.release();
+  add(motion, without, T);
+  EXPECT_FALSE(motion.estimate(T).has_value());
+  EXPECT_EQ(motion.support(T), 0);
+  EXPECT_TRUE(motion.dissents(T, T).empty());
+}
+
+// Mask of what the check found in the last of some frames, where a board goes to the left and a
+// host tells what `told` makes of the camera's true x.
+cv::Mat found_mask(double (*told)(double)) {
+  MotionCheck check(MotionCheckSettings(), small_camera());
+  const cv::Mat none = cv::Mat::zeros(kHeight, kWidth, CV_8UC1);
+  cv::Mat mask;
+  for (int i = 0; i < 12; ++i) {
+    const double x = 0.05 * i;
+    const std::optional<Eigen::Isometry3d> step =
+        i ? std::optional<Eigen::Isometry3d>(pose(told(0.05), 0, 0).inverse()) : std::nullopt;
+    mask = none.clone();
+    for (const Instance& s : check.find(render(0.033 * i, pose(x, 0, 0), 0.3 - 0.05 * i), step))
+      mask(s.box).setTo(255, s.mask);
+    check.correct(pose(told(x), 0, 0));
+    check.remember(none);
+  }
+  return mask;
+}
+
+TEST(MotionCheck, DoubtsAHostThatFollowsThePerson) {
+  const RgbdFrame last = render(0, pose(0.55, 0, 0), -0.25);
+  const cv::Mat board = last.depth < 2 * 5000;
+  for (auto told : {+[](double x) { return x; }, +[](double x) { return 2 * x; }}) {
+    const cv::Mat mask = found_mask(told);
+    EXPECT_GT(cv::countNonZero(mask & board), 0.6 * cv::countNonZero(board)) << told(1);
+    EXPECT_LT(cv::countNonZero(mask & ~board), 0.06 * kWidth * kHeight) << told(1);
+  }
+}
+
+TEST(MotionCheck, NeedsNoHostThatTellsItsMotion) {
+  MotionCheck check(MotionCheckSettings(), small_camera());
+  const cv::Mat none = cv::Mat::zeros(kHeight, kWidth, CV_8UC1);
+  int frames = 0;
+  for (int i = 0; i < 12; ++i) {
+    frames +=
+        !check.find(render(0.033 * i, pose(0.05 * i, 0, 0), 0.3 - 0.05 * i), std::nullopt).empty();
+    EXPECT_EQ(check.motion().has_value(), i > 0);
+    check.remember(none);
+  }
+  EXPECT_GT(frames, 5);
+}
+
+}  // namespace
+}  // namespace stillpoint
