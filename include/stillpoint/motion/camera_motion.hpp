@@ -39,7 +39,11 @@ class CameraMotion {
   };
 
   /// Forgets the last frame.
-  void reset() { last_.empty = current_.empty = true; }
+  void reset() {
+    last_.empty = current_.empty = true;
+    last_motion_ = Eigen::Isometry3d::Identity();
+    usual_support_ = 1;
+  }
 
   /// Takes the next frame, without looking for the motion to it. O(pixels).
   void begin(const RgbdFrame& frame, const DepthView& depth) {
@@ -66,9 +70,14 @@ class CameraMotion {
     if (flows_.size() < kMinFlows) return std::nullopt;
     Eigen::Isometry3d best = guess;
     double s = improve(best);
+    Eigen::Isometry3d as_before = last_motion_;
+    const double before = improve(as_before);
+    if (before > s) best = as_before, s = before;
+    // As good as it usually gets: no need to look further.
+    const bool usual = s > kUsual * usual_support_;
     RandomGenerator random(1);
     // The more agree, the sooner three that are all of the world have been drawn.
-    for (int i = 0; i < kHypotheses && i * s * s * s < 40; ++i) {
+    for (int i = 0; !usual && i < kHypotheses && i * s * s * s < 40; ++i) {
       std::optional<Eigen::Isometry3d> T = from_three(random, guess);
       if (!T || support(*T) < kPromising * s) continue;
       const double improved = improve(*T);
@@ -76,6 +85,8 @@ class CameraMotion {
     }
     for (int i = 0; i < 3; ++i) s = improve(best);
     if (s < kMinSupport) return std::nullopt;
+    last_motion_ = best;
+    usual_support_ += (s - usual_support_) * (s > usual_support_ ? 0.5 : 0.1);
     return Estimate{best, s};
   }
 
@@ -127,7 +138,7 @@ class CameraMotion {
   static constexpr std::size_t kMinFlows = 20;
   static constexpr int kHypotheses = 100;
   static constexpr float kMaxErrorPx = 0.8f;  // of the whole picture's
-  static constexpr double kMinSupport = 0.3, kPromising = 0.5;
+  static constexpr double kMinSupport = 0.3, kPromising = 0.5, kUsual = 0.95;
   static constexpr int kNearPx = 8, kFarPx = 16;  // the patch on the half and the quarter picture
   static constexpr int kBlock = 5;                // quarter pixels; one corner each
   static constexpr int kRadius = 4;               // of the patch
@@ -387,6 +398,8 @@ class CameraMotion {
   static constexpr float kMaxShift = 5, kMaxResidual = 14;
 
   Picture last_, current_;
+  Eigen::Isometry3d last_motion_ = Eigen::Isometry3d::Identity();
+  double usual_support_ = 1;
   std::vector<Flow> flows_;
   std::vector<Eigen::Vector2f> errors_, other_errors_;
   std::vector<float> sorted_;
