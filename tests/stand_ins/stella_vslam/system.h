@@ -134,6 +134,11 @@ class system {
     return data::frame(next_frame_id_++, timestamp, &camera_, &orb_params_, obs, {});
   }
 
+  std::shared_ptr<Mat44_t> feed_RGBD_frame(const cv::Mat& rgb_img, const cv::Mat& depthmap,
+                                           const double timestamp,
+                                           const cv::Mat& mask = cv::Mat{}) {
+    return feed_frame(create_RGBD_frame(rgb_img, depthmap, timestamp, mask), rgb_img, 0);
+  }
   std::shared_ptr<Mat44_t> feed_frame(const data::frame& frm, const cv::Mat&, double) {
     fed.push_back(frm);
     return pose_of(frm.timestamp_);
