@@ -75,6 +75,13 @@ stillpoint::Camera read_camera(const std::string& settings) {
   return camera;
 }
 
+double median(std::vector<double> values) {
+  if (values.empty()) return 0;
+  std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2),
+                   values.end());
+  return values[values.size() / 2];
+}
+
 int main(int argc, char** argv) try {
   if (argc != 6) {
     std::cerr << "usage: " << argv[0] << " VOCABULARY SETTINGS SEQUENCE MASKS TRAJECTORY\n";
@@ -87,7 +94,8 @@ int main(int argc, char** argv) try {
   ORB_SLAM3::System slam(argv[1], argv[2], ORB_SLAM3::System::RGBD, false);
 
   int tracked = 0;
-  double mask_ms = 0, hook_ms = 0, total_ms = 0, kept = 0, extracted = 0;
+  double kept = 0, extracted = 0;
+  std::vector<double> mask_ms, hook_ms, total_ms;
   for (const Entry& entry : entries) {
     stillpoint::RgbdFrame frame;
     frame.color = cv::imread(folder + "/" + entry.color, cv::IMREAD_COLOR);
@@ -105,9 +113,10 @@ int main(int argc, char** argv) try {
       tracked += stillpoint::orb_slam3::track_rgbd(slam, front_end, frame, people);
     }
     const std::chrono::duration<double> took = std::chrono::steady_clock::now() - start;
-    total_ms += 1000 * took.count();
     const stillpoint::HostStats stats = front_end.stats();
-    mask_ms += stats.mask_ms, hook_ms += stats.hook_ms;
+    total_ms.push_back(1000 * took.count());
+    mask_ms.push_back(stats.mask_ms);
+    hook_ms.push_back(stats.hook_ms);
     kept += stats.kept, extracted += stats.keypoints;
     // As fast as the camera, so that the host's other threads have their time.
     std::this_thread::sleep_for(std::chrono::duration<double>(1.0 / 30) - took);
@@ -115,12 +124,12 @@ int main(int argc, char** argv) try {
   slam.Shutdown();
   slam.SaveTrajectoryTUM(argv[5]);
 
-  const double n = std::max<double>(1, static_cast<double>(entries.size()));
-  std::cout << tracked << " of " << entries.size() << " frames tracked, " << total_ms / n
-            << " ms per frame";
-  if (masks != "none") {
-    std::cout << ", of these mask " << mask_ms / n << ", hook " << hook_ms / n << "; " << kept / n
-              << " of " << extracted / n
+  std::cout << tracked << " of " << entries.size() << " frames tracked, " << median(total_ms)
+            << " ms per frame (median)";
+  if (masks != "none" && !entries.empty()) {
+    const double n = static_cast<double>(entries.size());
+    std::cout << ", of these mask " << median(mask_ms) << ", hook " << median(hook_ms) << "; "
+              << kept / n << " of " << extracted / n
               << " keypoints kept; for 1000 static ones set nFeatures to "
               << front_end.features_for(1000);
     if (front_end.stats().filtered == 0)
