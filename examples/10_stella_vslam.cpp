@@ -6,6 +6,7 @@
 //   MASKS: a folder, or `none`: the host alone   extractor: the mask goes to the host's extractor
 
 #include <stella_vslam/config.h>
+#include <stella_vslam/data/frame.h>
 #include <stella_vslam/system.h>
 
 #include <chrono>

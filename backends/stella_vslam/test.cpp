@@ -6,6 +6,7 @@
 
 #include "../../tests/flat_scene.hpp"
 #include "../../tests/io/temporary_folder.hpp"
+#include "../../tests/stand_ins/stella_vslam/data/frame.h"
 #include "../../tests/stand_ins/stella_vslam/system.h"
 
 namespace {
@@ -40,7 +41,7 @@ TEST(StellaVslam, FeedsAFrameOfWhatIsStatic) {
         i % 2 ? adapter.track_rgbd(frame) : adapter.track_rgbd(frame, seen(walker(i)));
     ASSERT_TRUE(pose);
     ASSERT_EQ(slam.fed.size(), static_cast<std::size_t>(i + 1));
-    const auto& fed = slam.fed.back();
+    const auto& fed = *slam.fed.back();
     const auto& obs = fed.frm_obs_;
     EXPECT_EQ(fed.id_, static_cast<unsigned>(i));
     EXPECT_EQ(fed.timestamp_, frame.timestamp);
@@ -97,7 +98,7 @@ TEST(StellaVslam, LooksTheMaskUpInTheRawPicture) {
   Adapter adapter(slam, front_end, camera);
   const Figure person{{70, 20, 100, 440}, 2, 7};  // near the edge: moved most
   adapter.track_rgbd(scene.frame(kStart_s, {person}), seen(person));
-  const auto& kept = slam.fed.back().frm_obs_.undist_keypts_;
+  const auto& kept = slam.fed.back()->frm_obs_.undist_keypts_;
   ASSERT_GT(kept.size(), 50u);
   int would_differ = 0;
   for (const cv::KeyPoint& k : kept) {
@@ -119,7 +120,7 @@ TEST(StellaVslam, CanLeaveTheMaskToTheExtractor) {
   EXPECT_EQ(cv::norm(slam.last_mask, front_end.mask().static_image(), cv::NORM_INF), 0)
       << "0 = masked in the host";
   EXPECT_EQ(adapter.selection().size(), 0u);
-  EXPECT_FALSE(slam.fed.back().frm_obs_.undist_keypts_.empty());
+  EXPECT_FALSE(slam.fed.back()->frm_obs_.undist_keypts_.empty());
 }
 
 TEST(StellaVslam, HandsThePoseBackAndSurvivesALostHost) {
@@ -138,7 +139,7 @@ TEST(StellaVslam, HandsThePoseBackAndSurvivesALostHost) {
     const auto pose =
         adapter.track_rgbd(scene.frame(kStart_s + frame_number / 30.0, {}), result({}));
     EXPECT_EQ(pose == nullptr, frame_number == 3);
-    EXPECT_GT(slam.fed.back().frm_obs_.undist_keypts_.size(), 500u);
+    EXPECT_GT(slam.fed.back()->frm_obs_.undist_keypts_.size(), 500u);
   }
   RgbdFrame mono = scene.frame(kStart_s + 1, {});
   mono.depth.release();

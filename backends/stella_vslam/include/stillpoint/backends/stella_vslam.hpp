@@ -52,11 +52,12 @@ enum class StellaMasking {
 ///     stillpoint::StellaVslam<stella_vslam::system> adapter(slam, front_end, camera);
 ///     std::shared_ptr<Eigen::Matrix4d> T_world_camera = adapter.track_rgbd(frame);
 ///
-/// `System` is stella_vslam::system; it and the front end must outlive the adapter. Keypoints are
-/// dropped *after* extraction: on a person-shaped mask the host's extractor keeps 520 keypoints
-/// where this keeps 811. The host's extractor spreads keypoints by area, so more are found by a
-/// smaller `Preprocessing.min_size`. It starts with 50 keypoints with depth: leave
-/// FrontEndSettings::probability.min_kept at 50 or more. Called from one thread.
+/// Include the host's data/frame.h as well. `System` is stella_vslam::system; it and the front end
+/// must outlive the adapter. Keypoints are dropped *after* extraction: on a person-shaped mask the
+/// host's extractor keeps 520 keypoints where this keeps 811. The host's extractor spreads
+/// keypoints by area, so more are found by a smaller `Preprocessing.min_size`. It starts with 50
+/// keypoints with depth: leave FrontEndSettings::probability.min_kept at 50 or more. Called from
+/// one thread.
 template <class System>
 class StellaVslam {
  public:
