@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #pragma once
 
-// The test of both ORB_SLAM adapters, as C++14. The including file says what `Slam` is and which
-// track_rgbd() is meant.
+// The test of both ORB_SLAM adapters, as C++14. The including file says what `Slam` is, which
+// track_rgbd() is meant, and by ORB_SLAM_TEST(name) what the suite is called.
 
 #include <gtest/gtest.h>
 
@@ -23,7 +23,7 @@ FlatScene large_scene() {
 
 Figure walker(int i) { return {{180 + 6 * i, 100, 150, 340}, 2, 7}; }
 
-TEST(OrbSlam, IsFedStaticKeypointsAndNeverStarved) {
+ORB_SLAM_TEST(IsFedStaticKeypointsAndNeverStarved) {
   const FlatScene scene = large_scene();
   Slam slam("", "", Slam::RGBD, false);
   stillpoint::HostFrontEnd front_end(scene.camera());
@@ -51,7 +51,7 @@ TEST(OrbSlam, IsFedStaticKeypointsAndNeverStarved) {
   EXPECT_GT(front_end.features_for(1000), 1000);
 }
 
-TEST(OrbSlam, StartsThoughMostOfThePictureIsMasked) {
+ORB_SLAM_TEST(StartsThoughMostOfThePictureIsMasked) {
   const FlatScene scene = large_scene();
   Slam slam("", "", Slam::RGBD, false);
   stillpoint::HostFrontEnd front_end(scene.camera());
@@ -64,7 +64,7 @@ TEST(OrbSlam, StartsThoughMostOfThePictureIsMasked) {
   }
 }
 
-TEST(OrbSlam, WaitsWithTheHighFloorWhileTheHostDoesNotStart) {
+ORB_SLAM_TEST(WaitsWithTheHighFloorWhileTheHostDoesNotStart) {
   const FlatScene scene = large_scene();
   Slam slam("", "", Slam::RGBD, false);
   slam.features = 400;  // never enough for the host
@@ -77,7 +77,7 @@ TEST(OrbSlam, WaitsWithTheHighFloorWhileTheHostDoesNotStart) {
   }
 }
 
-TEST(OrbSlam, GivesThePoseOfTheCameraInTheWorld) {
+ORB_SLAM_TEST(GivesThePoseOfTheCameraInTheWorld) {
   const FlatScene scene = large_scene();
   Slam slam("", "", Slam::RGBD, false);
   stillpoint::HostFrontEnd front_end(scene.camera());
@@ -91,7 +91,7 @@ TEST(OrbSlam, GivesThePoseOfTheCameraInTheWorld) {
   EXPECT_LT(cv::norm(one, cv::Matx44d::eye(), cv::NORM_INF), 1e-6);
 }
 
-TEST(OrbSlam, RunsAsEverWithoutAFrontEnd) {
+ORB_SLAM_TEST(RunsAsEverWithoutAFrontEnd) {
   const FlatScene scene = large_scene();
   Slam slam("", "", Slam::RGBD, false);
   const auto frame = scene.frame(kStart_s, {walker(0)});
