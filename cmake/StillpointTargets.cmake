@@ -7,18 +7,29 @@ include(${CMAKE_CURRENT_LIST_DIR}/StillpointFind.cmake)
 # a back end, over its own include folder `include_dir`. It becomes a find_package component of that
 # name (the target `stillpoint` itself: component `core`). All headers are checked without RTTI; a back
 # end whose dependency needs it says set_property(GLOBAL PROPERTY STILLPOINT_NEEDS_RTTI_<name> ON).
+# Headers for hosts of C++14 say so by a third argument, 14.
 function(stillpoint_interface_target name include_dir)
   add_library(${name} INTERFACE)
+  stillpoint_component(${name} "${include_dir}" ${ARGN})
+endfunction()
+
+# The same for a target that exists already: a compiled library.
+function(stillpoint_component name include_dir)
+  set(standard 17)
+  if(ARGC GREATER 2)
+    set(standard ${ARGV2})
+  endif()
   string(REGEX REPLACE "^stillpoint_" "" export_name ${name})
   add_library(stillpoint::${export_name} ALIAS ${name})
   set_target_properties(${name} PROPERTIES EXPORT_NAME ${export_name})
-  target_compile_features(${name} INTERFACE cxx_std_17)
+  target_compile_features(${name} INTERFACE cxx_std_${standard})
   if(include_dir STREQUAL "")
     set(include_dir ${PROJECT_SOURCE_DIR}/include)
   endif()
   target_include_directories(${name} INTERFACE $<BUILD_INTERFACE:${include_dir}>
                                                $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}>)
   set_property(GLOBAL PROPERTY STILLPOINT_INCLUDE_DIR_${name} ${include_dir})
+  set_property(GLOBAL PROPERTY STILLPOINT_STANDARD_${name} ${standard})
   set_property(GLOBAL APPEND PROPERTY STILLPOINT_INSTALL_TARGETS ${name})
   set_property(GLOBAL APPEND PROPERTY STILLPOINT_INSTALL_INCLUDE_DIRS ${include_dir})
 endfunction()

@@ -37,7 +37,7 @@ struct CoarseFrame {
   void set(const RgbdFrame& frame, const DepthView& depth, int block) {
     block_px = block;
     width = frame.color.cols / block, height = frame.color.rows / block;
-    intensity.resize(size());
+    intensity.assign(size(), 0.0f);
     depth_m.resize(size());
     const float b = static_cast<float>(block);
     fx = depth.focal_px() / b, fy = depth.focal_y_px() / b;
@@ -47,7 +47,6 @@ struct CoarseFrame {
     const int samples = block / 2;
     for (int y = 0; y < height; ++y) {
       float* to = intensity.data() + index(0, y);
-      std::fill(to, to + width, 0.0f);
       for (int k = 0; k < samples; ++k) {
         const uchar* row = frame.color.ptr<uchar>(y * block + 2 * k) + green;
         for (int x = 0; x < width; ++x) {

@@ -1,6 +1,11 @@
-# Nothing but include directories, language level and dependencies may come with our targets.
+# Nothing but include directories, language level and dependencies may come with our targets. STANDARD:
+# the language level, if it is not 17.
 function(check_stillpoint_targets)
-  foreach(target IN LISTS ARGN)
+  cmake_parse_arguments(ARG "" "STANDARD" "" ${ARGN})
+  if(NOT ARG_STANDARD)
+    set(ARG_STANDARD 17)
+  endif()
+  foreach(target IN LISTS ARG_UNPARSED_ARGUMENTS)
     foreach(property INTERFACE_COMPILE_OPTIONS INTERFACE_COMPILE_DEFINITIONS INTERFACE_LINK_OPTIONS
                      INTERFACE_SOURCES INTERFACE_PRECOMPILE_HEADERS INTERFACE_LINK_DIRECTORIES)
       get_target_property(value ${target} ${property})
@@ -9,7 +14,7 @@ function(check_stillpoint_targets)
       endif()
     endforeach()
     get_target_property(features ${target} INTERFACE_COMPILE_FEATURES)
-    if(NOT features STREQUAL "cxx_std_17")
+    if(NOT features STREQUAL "cxx_std_${ARG_STANDARD}")
       message(FATAL_ERROR "${target} exports the features ${features}")
     endif()
   endforeach()

@@ -1,0 +1,143 @@
+// SPDX-License-Identifier: BSD-2-Clause
+//
+// A runner for ORB_SLAM3 with the front end, C++14. Add it to your copy of ORB_SLAM3 with the patch
+// beside the adapter, backends/orb_slam3/orb_slam3.patch; docs/orb_slam3.md says how. For ORB_SLAM2
+// write 2 for 3 in three places.
+//
+// Usage: 09_orb_slam3 VOCABULARY SETTINGS SEQUENCE MASKS TRAJECTORY
+//   SEQUENCE: a TUM folder with associations.txt   MASKS: its folder of labels, or `none`: no front
+//   end, the host alone   TRAJECTORY: to be written
+
+#include <System.h>
+
+#include <algorithm>
+#include <chrono>
+#include <fstream>
+#include <iostream>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+#include <sstream>
+#include <stillpoint/backends/orb_slam3.hpp>
+#include <thread>
+
+struct Entry {
+  double timestamp;
+  std::string color, depth;
+};
+
+std::vector<Entry> read_associations(const std::string& folder) {
+  std::ifstream file(folder + "/associations.txt");
+  if (!file) throw stillpoint::Error(folder + "/associations.txt: no such file");
+  std::vector<Entry> entries;
+  std::string line, ignored;
+  while (std::getline(file, line)) {
+    Entry e;
+    std::istringstream words(line);
+    if (line[0] != '#' && words >> e.timestamp >> e.color >> ignored >> e.depth)
+      entries.push_back(e);
+  }
+  return entries;
+}
+
+// The people in a picture of labels, 0 = background, named like the color picture; without such a
+// file the network has no result, and the front end predicts.
+stillpoint::Segmentation read_people(const std::string& masks, const Entry& entry) {
+  const std::size_t slash = entry.color.rfind('/') + 1;
+  const std::string stem = entry.color.substr(slash, entry.color.rfind('.') - slash);
+  const cv::Mat labels = cv::imread(masks + "/" + stem + ".png", cv::IMREAD_UNCHANGED);
+  stillpoint::Segmentation people;
+  if (labels.type() != CV_8UC1) return people;
+  people.available = true;
+  people.timestamp = entry.timestamp;
+  double most = 0;
+  cv::minMaxLoc(labels, nullptr, &most);
+  for (int k = 1; k <= static_cast<int>(most); ++k) {
+    const stillpoint::Instance person = stillpoint::instance_from_mask(labels == k);
+    if (person.box.area() > 0) people.instances.push_back(person);
+  }
+  return people;
+}
+
+stillpoint::Camera read_camera(const std::string& settings) {
+  const cv::FileStorage file(settings, cv::FileStorage::READ);
+  const auto number = [&](const char* name) {
+    const cv::FileNode node = file[std::string("Camera1.") + name];
+    return node.empty() ? static_cast<double>(file[std::string("Camera.") + name])
+                        : static_cast<double>(node);
+  };
+  stillpoint::Camera camera;
+  camera.fx = number("fx"), camera.fy = number("fy");
+  camera.cx = number("cx"), camera.cy = number("cy");
+  camera.k1 = number("k1"), camera.k2 = number("k2");
+  camera.p1 = number("p1"), camera.p2 = number("p2"), camera.k3 = number("k3");
+  const cv::FileNode factor = file["RGBD.DepthMapFactor"];
+  camera.depth_units_per_m = static_cast<double>(factor.empty() ? file["DepthMapFactor"] : factor);
+  return camera;
+}
+
+double median(std::vector<double> values) {
+  if (values.empty()) return 0;
+  std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2),
+                   values.end());
+  return values[values.size() / 2];
+}
+
+int main(int argc, char** argv) try {
+  if (argc != 6) {
+    std::cerr << "usage: " << argv[0] << " VOCABULARY SETTINGS SEQUENCE MASKS TRAJECTORY\n";
+    return 2;
+  }
+  const std::string folder = argv[3], masks = argv[4];
+  const std::vector<Entry> entries = read_associations(folder);
+  const stillpoint::Camera camera = read_camera(argv[2]);
+  stillpoint::HostFrontEnd front_end(camera);
+  ORB_SLAM3::System slam(argv[1], argv[2], ORB_SLAM3::System::RGBD, false);
+
+  int tracked = 0;
+  double kept = 0, extracted = 0;
+  std::vector<double> mask_ms, hook_ms, total_ms;
+  for (const Entry& entry : entries) {
+    stillpoint::RgbdFrame frame;
+    frame.color = cv::imread(folder + "/" + entry.color, cv::IMREAD_COLOR);
+    frame.depth = cv::imread(folder + "/" + entry.depth, cv::IMREAD_UNCHANGED);
+    frame.timestamp = entry.timestamp;
+    frame.depth_units_per_m = camera.depth_units_per_m;
+    const stillpoint::Segmentation people =
+        masks == "none" ? stillpoint::Segmentation() : read_people(masks, entry);
+
+    const auto start = std::chrono::steady_clock::now();
+    if (masks == "none") {
+      slam.TrackRGBD(frame.color, frame.depth, frame.timestamp);
+      tracked += slam.GetTrackingState() == 2;
+    } else {
+      tracked += stillpoint::orb_slam3::track_rgbd(slam, front_end, frame, people);
+    }
+    const std::chrono::duration<double> took = std::chrono::steady_clock::now() - start;
+    const stillpoint::HostStats stats = front_end.stats();
+    total_ms.push_back(1000 * took.count());
+    mask_ms.push_back(stats.mask_ms);
+    hook_ms.push_back(stats.hook_ms);
+    kept += stats.kept, extracted += stats.keypoints;
+    // As fast as the camera, so that the host's other threads have their time.
+    std::this_thread::sleep_for(std::chrono::duration<double>(1.0 / 30) - took);
+  }
+  slam.Shutdown();
+  slam.SaveTrajectoryTUM(argv[5]);
+
+  std::cout << tracked << " of " << entries.size() << " frames tracked, " << median(total_ms)
+            << " ms per frame (median)";
+  if (masks != "none" && !entries.empty()) {
+    const double n = static_cast<double>(entries.size());
+    std::cout << ", of these mask " << median(mask_ms) << ", hook " << median(hook_ms) << "; "
+              << kept / n << " of " << extracted / n
+              << " keypoints kept; for 1000 static ones set nFeatures to "
+              << front_end.features_for(1000);
+    if (front_end.stats().filtered == 0)
+      std::cout
+          << "\nThe hook was never called: is its line in Frame.cc, and the library built anew?";
+  }
+  std::cout << "\n";
+} catch (const std::exception& error) {
+  std::cerr << error.what() << "\n";
+  return 1;
+}
