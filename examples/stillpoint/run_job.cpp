@@ -52,6 +52,8 @@ double peak_memory_mb() {
 void reset_peak_memory() { std::ofstream("/proc/self/clear_refs") << "5"; }
 
 Json settings_json(const RunSettings& s, const FrontEndSettings& f) {
+  Json classes;
+  for (const DynamicClass& c : f.dynamic_classes) classes[c.name] = c.prior;
   return {{"front_end", s.front_end ? "on" : "off"},
           {"preset", s.preset},
           {"without", s.without},
@@ -60,7 +62,7 @@ Json settings_json(const RunSettings& s, const FrontEndSettings& f) {
           {"tracker", s.tracker},
           {"features", s.features},
           {"seed", s.seed},
-          {"dynamic_classes", f.dynamic_classes},
+          {"dynamic_classes", classes},
           {"dilation_px", f.depth.dilation_px},
           {"range_m", f.depth.range_m},
           {"cell_px", f.depth.cell_px},

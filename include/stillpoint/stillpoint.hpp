@@ -25,6 +25,7 @@
 #include "stillpoint/keypoints/probabilistic_keypoint_filter.hpp"
 #include "stillpoint/mapping/dense_map.hpp"
 #include "stillpoint/motion/motion_check.hpp"
+#include "stillpoint/segmentation/detection_thread.hpp"
 #include "stillpoint/segmentation/network_segmenter.hpp"
 #include "stillpoint/segmentation/segmentation_compensator.hpp"
 #include "stillpoint/segmentation/segmenter.hpp"

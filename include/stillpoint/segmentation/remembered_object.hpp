@@ -32,6 +32,8 @@ class RememberedObject {
     float x, y, z;
   };
 
+  /// Given by its owner; the same as long as the object is remembered.
+  int id = 0;
   std::string class_name;
   float score = 1;
   /// Timestamp of the last frame in which the segmenter showed it.
@@ -81,6 +83,9 @@ class RememberedObject {
     }
     history_[places_++] = {place.x, place.y, timestamp};
   }
+
+  /// Forgets the history of places.
+  void forget_places() { places_ = 0; }
 
   /// Carries the object to `timestamp`: by the camera's motion (if known), then along its line.
   /// `max_speed_px_s` bounds the object's own motion.
@@ -178,6 +183,8 @@ class RememberedObject {
   const std::vector<Point>& ring() const { return ring_; }
   const TemplatePatch& patch() const { return patch_; }
   const cv::Rect& box() const { return box_; }
+  /// Centre of the pixels of inside().
+  const cv::Point2d& center() const { return center_; }
   float depth_m() const { return z_; }
   float predicted_depth_m() const { return predicted_z_; }
 

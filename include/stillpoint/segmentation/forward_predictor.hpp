@@ -1,0 +1,315 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <deque>
+#include <opencv2/core.hpp>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "stillpoint/core/camera.hpp"
+#include "stillpoint/core/depth_view.hpp"
+#include "stillpoint/core/error.hpp"
+#include "stillpoint/core/frame.hpp"
+#include "stillpoint/core/instance.hpp"
+#include "stillpoint/core/status.hpp"
+#include "stillpoint/segmentation/object_locator.hpp"
+#include "stillpoint/segmentation/remembered_object.hpp"
+#include "stillpoint/segmentation/segmentation_compensator_settings.hpp"
+
+namespace stillpoint {
+
+/// What becomes of a segmentation that comes late: of frame t - k while the camera is at frame t.
+struct LateSegmentationSettings {
+  /// Predict its masks forward to frame t; else they are used where they were.
+  bool predict = true;
+  /// An older one is dropped, as if it had not come.
+  double max_age_s = 1.5;
+  /// A mask whose newest segmentation is older than this is widened...
+  double widen_after_s = 0.5;
+  /// ...by so many pixels per second beyond it, at most by 20.
+  double widen_px_per_s = 40;
+
+  /// Throws Error if a setting makes no sense.
+  void check() const {
+    const auto at_least_0 = [](const char* name, double value) {
+      if (!(value >= 0))
+        throw Error(std::string("LateSegmentationSettings.") + name +
+                    ": expected at least 0, found " + std::to_string(value));
+    };
+    at_least_0("max_age_s", max_age_s);
+    at_least_0("widen_after_s", widen_after_s);
+    at_least_0("widen_px_per_s", widen_px_per_s);
+  }
+  /// Pixels to add to the dilation of a mask of that age.
+  int widening_px(double age_s) const {
+    return age_s > widen_after_s
+               ? static_cast<int>(std::min(20.0, widen_px_per_s * (age_s - widen_after_s)))
+               : 0;
+  }
+};
+
+/// Carries the masks of a late segmentation forward, from its frame to the newest one: by the
+/// camera's motion since, by the motion that the tracked object had since, and onto the depth that
+/// is found there.
+///
+/// Per frame: forward(), then remember() with the objects that the compensator remembers. For a
+/// segmenter that is late it keeps copies of the depth pictures of the last max_age_s; one whose
+/// first result is in time costs nothing. Not thread-safe.
+class ForwardPredictor {
+ public:
+  ForwardPredictor(const LateSegmentationSettings& settings,
+                   const SegmentationCompensatorSettings& compensation, const Camera& camera)
+      : settings_(settings),
+        compensation_(compensation),
+        camera_(camera),
+        tracked_locator_(compensation),
+        new_locator_(wider(compensation)) {
+    settings.check();
+  }
+
+  /// If `segmentation` is of an earlier frame, puts its instances where they must be in `frame`;
+  /// those that are not found there are left out. One that is too old becomes `available = false`.
+  /// `T_current_last` as in SegmentationCompensator::mend(). Masks stay valid until the next call.
+  /// O(pixels) for the copy of the depth, O(pixels of the boxes) for a late result.
+  void forward(const RgbdFrame& frame, const std::optional<Eigen::Isometry3d>& T_current_last,
+               Segmentation& segmentation) {
+    status_ = kOk, age_s_ = 0;
+    const bool late =
+        segmentation.available && segmentation.timestamp < frame.timestamp - kSameTimeS;
+    was_late_ = was_late_ || late;
+    // Until the first result shows that the segmenter is in time, it may be late.
+    in_time_ = !was_late_ && (in_time_ || segmentation.available);
+    if (in_time_) return frames_.clear();
+    add(frame, T_current_last);
+    if (!late) return;
+    age_s_ = frame.timestamp - segmentation.timestamp;
+    const std::size_t then = index_of(segmentation.timestamp);
+    if (then == frames_.size() || age_s_ > settings_.max_age_s) {
+      segmentation.available = false;
+      segmentation.instances.clear();
+      status_ = kMaskStale;
+    } else if (settings_.predict) {
+      carry(frame, then, segmentation);
+    }
+  }
+
+  /// Takes note of where the compensator's objects were found in the frame of forward().
+  void remember(const std::vector<RememberedObject>& objects) {
+    if (in_time_ || frames_.empty()) return;
+    for (const RememberedObject& object : objects)
+      frames_.back().tracks.push_back({object.id, object.box(), object.center(), object.depth_m()});
+  }
+
+  /// How much older than its frame the last segmentation was, seconds.
+  double age_s() const { return age_s_; }
+  /// kMaskStale if the last segmentation was too old, else kOk.
+  std::uint32_t status() const { return status_; }
+
+ private:
+  static constexpr double kSameTimeS = 1e-4;
+  static constexpr std::size_t kMostFrames = 128;
+
+  struct Track {
+    int id;
+    cv::Rect box;
+    cv::Point2d center;
+    float z;
+  };
+  struct Seen {
+    cv::Rect box;
+    cv::Point2d center;
+    float z;
+  };
+  struct Frame {
+    double timestamp = 0, units_per_m = 0;
+    std::optional<Eigen::Isometry3d> T_this_last;
+    cv::Mat depth;
+    std::vector<Track> tracks;
+  };
+
+  void add(const RgbdFrame& frame, const std::optional<Eigen::Isometry3d>& T_current_last) {
+    if (!frames_.empty() && frame.timestamp <= frames_.back().timestamp) frames_.clear();
+    Frame entry;
+    // A frame that is not needed any more gives its memory.
+    while (!frames_.empty() &&
+           (frames_.size() >= kMostFrames ||
+            frame.timestamp - frames_.front().timestamp > settings_.max_age_s + kSameTimeS)) {
+      entry = std::move(frames_.front());
+      frames_.pop_front();
+    }
+    entry.timestamp = frame.timestamp;
+    entry.units_per_m = frame.depth_units_per_m;
+    entry.T_this_last = T_current_last;
+    frame.depth.copyTo(entry.depth);
+    entry.tracks.clear();
+    frames_.push_back(std::move(entry));
+  }
+
+  void carry(const RgbdFrame& frame, std::size_t then, Segmentation& segmentation) {
+    RgbdFrame old;
+    old.color = frame.color;  // looked at only without depth
+    old.depth = frames_[then].depth;
+    old.depth_units_per_m = frames_[then].units_per_m;
+    const bool has_depth =
+        compensation_.use_depth && !frame.depth.empty() && old.depth.size() == frame.depth.size();
+    old_depth_.clear(), depth_.clear();
+    if (has_depth) old_depth_.set(old, camera_), depth_.set(frame, camera_);
+    const std::optional<Eigen::Isometry3d> T_now_then = motion_since(then);
+    if (masks_.size() < segmentation.instances.size()) masks_.resize(segmentation.instances.size());
+    std::size_t kept = 0;
+    seen_.clear();
+    for (Instance& instance : segmentation.instances)
+      if (carry_one(frame, old, then, T_now_then, masks_[kept], instance))
+        std::swap(segmentation.instances[kept++], instance);
+    segmentation.instances.resize(kept);
+    last_seen_s_ = frames_[then].timestamp;
+    std::swap(last_seen_, seen_);
+  }
+
+  // An object that was not tracked may have gone farther.
+  static SegmentationCompensatorSettings wider(SegmentationCompensatorSettings settings) {
+    settings.search_px = std::min(1000, 2 * settings.search_px);
+    return settings;
+  }
+
+  // The frame of that time or, if the host left it out, the one before it.
+  std::size_t index_of(double timestamp) const {
+    for (std::size_t i = frames_.size(); i-- > 0;)
+      if (frames_[i].timestamp <= timestamp + kSameTimeS) return i;
+    return frames_.size();
+  }
+
+  std::optional<Eigen::Isometry3d> motion_since(std::size_t then) const {
+    return motion_between(then, frames_.size() - 1);
+  }
+
+  std::optional<Eigen::Isometry3d> motion_between(std::size_t first, std::size_t last) const {
+    Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+    for (std::size_t i = first + 1; i <= last; ++i) {
+      if (!frames_[i].T_this_last) return std::nullopt;
+      T = *frames_[i].T_this_last * T;
+    }
+    return T;
+  }
+
+  // Where a still point of an earlier frame is seen now.
+  cv::Point2d transfer(const cv::Point2d& p, float z,
+                       const std::optional<Eigen::Isometry3d>& T) const {
+    if (!T || !camera_.valid()) return p;
+    Eigen::Vector3d ray = T->linear() * camera_.unproject(p.x, p.y, 1);
+    if (z > 0) ray += T->translation() / z;
+    if (!(ray.z() > 0.05)) return p;
+    const Eigen::Vector2d q = camera_.project(ray);
+    return {q.x(), q.y()};
+  }
+
+  // The object's own way in the picture since frame `then`, the camera's motion taken away: along
+  // its track up to the last frame, and on at the same speed.
+  std::optional<cv::Point2d> tracked_motion(const Instance& instance, std::size_t then) const {
+    if (then + 2 > frames_.size()) return std::nullopt;
+    const Track* start = nullptr;
+    double best = 0.3;
+    for (const Track& track : frames_[then].tracks) {
+      const double both = (track.box & instance.box).area();
+      const double overlap = both / (track.box.area() + instance.box.area() - both);
+      if (overlap > best) best = overlap, start = &track;
+    }
+    if (!start) return std::nullopt;
+    for (std::size_t last = frames_.size() - 1; --last > then;)
+      for (const Track& track : frames_[last].tracks) {
+        if (track.id != start->id) continue;
+        const cv::Point2d from = transfer(start->center, start->z, motion_since(then));
+        const cv::Point2d to = transfer(track.center, track.z, motion_since(last));
+        const double seconds = frames_[last].timestamp - frames_[then].timestamp;
+        return (to - from) * ((frames_.back().timestamp - frames_[then].timestamp) / seconds);
+      }
+    return std::nullopt;
+  }
+
+  // The same, at the speed from the last result to this one (the newest of seen_).
+  std::optional<cv::Point2d> motion_between_results(std::size_t then) const {
+    const Seen& now = seen_.back();
+    const double since = frames_[then].timestamp - last_seen_s_;
+    const std::size_t before = index_of(last_seen_s_);
+    if (!(since > 0) || before >= then) return std::nullopt;
+    const std::optional<Eigen::Isometry3d> T = motion_between(before, then);
+    std::optional<cv::Point2d> way;
+    double best = 0.3;
+    for (const Seen& old : last_seen_) {
+      const cv::Point2d still = transfer(old.center, old.z, T);
+      const cv::Point shift(static_cast<int>(still.x - old.center.x),
+                            static_cast<int>(still.y - old.center.y));
+      const double both = ((old.box + shift) & now.box).area();
+      const double overlap = both / (old.box.area() + now.box.area() - both);
+      if (overlap > best) best = overlap, way = now.center - still;
+    }
+    if (!way) return std::nullopt;
+    return *way * ((frames_.back().timestamp - frames_[then].timestamp) / since);
+  }
+
+  // In a bare box the object is in the middle columns.
+  Instance middle_of(const Instance& instance) {
+    Instance middle = instance;
+    central_.assign(static_cast<std::size_t>(instance.box.area()), 0);
+    middle.mask = cv::Mat(instance.box.size(), CV_8UC1, central_.data());
+    const int width = instance.box.width;
+    middle.mask.colRange(width * 5 / 16, std::max(width * 5 / 16 + 1, width * 11 / 16)).setTo(255);
+    return middle;
+  }
+
+  bool carry_one(const RgbdFrame& frame, const RgbdFrame& old, std::size_t then,
+                 const std::optional<Eigen::Isometry3d>& T_now_then, std::vector<uchar>& buffer,
+                 Instance& instance) {
+    object_.forget_places();
+    if (instance.mask.empty())
+      object_.observe(old, old_depth_, middle_of(instance), nullptr);
+    else
+      object_.observe(old, old_depth_, instance, nullptr);
+    object_.predict(frame.timestamp, camera_, T_now_then, 0);
+    const bool can_look = !depth_.empty() && object_.depth_m() > 0;
+    seen_.push_back({instance.box, object_.center(), object_.depth_m()});
+    // What depth followed is surer than the way between two results; without depth, it is not.
+    std::optional<cv::Point2d> own = tracked_motion(instance, then);
+    if (!own || !can_look)
+      if (const auto between = motion_between_results(then)) own = between;
+    if (own)
+      object_.shift_prediction(
+          {static_cast<int>(std::lround(own->x)), static_cast<int>(std::lround(own->y))});
+    if (can_look && !(own ? tracked_locator_ : new_locator_).locate(frame, depth_, object_))
+      return false;
+    const cv::Rect area = object_.predicted_box(frame.color.size());
+    if (area.empty()) return false;
+    if (can_look) instance.depth_m = object_.predicted_depth_m();
+    if (!instance.mask.empty()) {
+      buffer.assign(static_cast<std::size_t>(area.area()), 0);
+      instance.mask = cv::Mat(area.size(), CV_8UC1, buffer.data());
+      object_.draw_predicted(area, instance.mask);
+    }
+    instance.box = area;
+    return true;
+  }
+
+  LateSegmentationSettings settings_;
+  SegmentationCompensatorSettings compensation_;
+  Camera camera_;
+  ObjectLocator tracked_locator_, new_locator_;
+  std::deque<Frame> frames_;
+  RememberedObject object_;
+  DepthView old_depth_, depth_;
+  std::vector<std::vector<uchar>> masks_;
+  std::vector<uchar> central_;
+  std::vector<Seen> seen_, last_seen_;  // of this result, and of the one before
+  double last_seen_s_ = 0;
+  bool in_time_ = false, was_late_ = false;
+  double age_s_ = 0;
+  std::uint32_t status_ = kOk;
+};
+
+}  // namespace stillpoint
