@@ -12,6 +12,7 @@
 #include <stillpoint/evaluation/mask_metrics.hpp>
 #include <stillpoint/front_end.hpp>
 #include <stillpoint/io/picture_file.hpp>
+#include <stillpoint/testing/segmenter_conformance.hpp>
 
 #include "../../tests/io/temporary_folder.hpp"
 
@@ -329,3 +330,30 @@ INSTANTIATE_TEST_SUITE_P(OpenCvDnn, RealWeights,
                          });
 
 }  // namespace
+
+namespace stillpoint::testing {
+
+// Where there are no graphs, construction throws and the suite skips.
+template <int kGraph>
+struct MakeFromGraph {
+  std::unique_ptr<Segmenter> operator()() const {
+    const char* const names[] = {"sparseinst", "mask_rcnn", "yolo_seg_headless", "fastestdet"};
+    return std::make_unique<OpenCvDnnSegmenter>(std::filesystem::path(STILLPOINT_TEST_GRAPHS) /
+                                                (std::string(names[kGraph]) + ".onnx"));
+  }
+};
+
+STILLPOINT_TEST_SEGMENTER(SparseInst, MakeFromGraph<0>);
+STILLPOINT_TEST_SEGMENTER(MaskRcnn, MakeFromGraph<1>);
+STILLPOINT_TEST_SEGMENTER(Yolo, MakeFromGraph<2>);
+STILLPOINT_TEST_SEGMENTER(FastestDet, MakeFromGraph<3>);
+
+struct MakeFastestDetWithWeights {
+  std::unique_ptr<Segmenter> operator()() const {
+    return std::make_unique<OpenCvDnnSegmenter>(std::filesystem::path(STILLPOINT_SHARED_DATA) /
+                                                "models/FastestDet.onnx");
+  }
+};
+STILLPOINT_TEST_SEGMENTER(RealWeights, MakeFastestDetWithWeights);
+
+}  // namespace stillpoint::testing

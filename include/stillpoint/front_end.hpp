@@ -155,9 +155,10 @@ class BasicFrontEnd {
     return mask();
   }
 
-  /// Tells the pose that the host tracked for the last frame; only the motion check uses it. The
-  /// origin is the host's own; a jump (loop closing, relocalisation) is noticed.
+  /// Tells the pose that the host tracked for the last frame, for the motion check and for late
+  /// segmentations. The origin is the host's own; a jump (loop closing, relocalisation) is noticed.
   void correct_pose(const Eigen::Isometry3d& T_world_camera) {
+    predictor_.correct(T_world_camera);
     if (settings_.use_motion) motion_.correct(T_world_camera);
   }
 

@@ -96,6 +96,18 @@ TEST(DetectionThread, NeverWaitsAndTakesTheNewestFrame) {
   segmenter.allow(100);
 }
 
+TEST(DetectionThread, CanBeWaitedForAtTheStart) {
+  GatedSegmenter segmenter;
+  DetectionThread thread(segmenter);
+  EXPECT_FALSE(thread.wait_for_result(0)) << "nothing was handed over";
+  thread.segment(frame_at(1));
+  EXPECT_FALSE(thread.wait_for_result(0.01)) << "it hangs";
+  segmenter.allow(1);
+  EXPECT_TRUE(thread.wait_for_result(100));
+  EXPECT_EQ(thread.segment(frame_at(1)).timestamp, 1);
+  segmenter.allow(100);
+}
+
 TEST(DetectionThread, ResultsComeInOrder) {
   GatedSegmenter segmenter;
   segmenter.allow(1000000);

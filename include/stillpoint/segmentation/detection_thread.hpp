@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #pragma once
 
+#include <chrono>
 #include <condition_variable>
 #include <cstddef>
 #include <exception>
@@ -70,6 +71,19 @@ class DetectionThread : public Segmenter {
     return result;
   }
 
+  /// Waits until the frame that was handed over first has a result or an error to fetch, at most
+  /// `timeout_s`; false if it has not. For the start: a map that begins with people in it keeps
+  /// them.
+  ///
+  ///     thread.segment(first);
+  ///     thread.wait_for_result(10);
+  ///     front_end.compute_mask(first);
+  bool wait_for_result(double timeout_s) {
+    std::unique_lock<std::mutex> guard(mutex_);
+    return finished_.wait_for(guard, std::chrono::duration<double>(timeout_s),
+                              [this] { return result_.available || error_; });
+  }
+
   std::vector<std::string> classes() const override { return classes_; }
 
   /// How many frames were replaced by newer ones before the segmenter was free.
@@ -109,13 +123,14 @@ class DetectionThread : public Segmenter {
         error_ = error;
       else if (result.available)
         std::swap(result_, result);
+      finished_.notify_all();
     }
   }
 
   Segmenter& segmenter_;
   std::vector<std::string> classes_;
   mutable std::mutex mutex_;
-  std::condition_variable changed_;
+  std::condition_variable changed_, finished_;
   RgbdFrame next_;
   Segmentation result_;
   std::exception_ptr error_;

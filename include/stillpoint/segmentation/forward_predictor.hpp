@@ -60,8 +60,8 @@ struct LateSegmentationSettings {
 /// is found there.
 ///
 /// Per frame: forward(), then remember() with the objects that the compensator remembers. For a
-/// segmenter that is late it keeps copies of the depth pictures of the last max_age_s; one whose
-/// first result is in time costs nothing. Not thread-safe.
+/// segmenter that is late it keeps copies of the depth pictures of the last max_age_s; one that
+/// gives each frame its result costs nothing. Not thread-safe.
 class ForwardPredictor {
  public:
   ForwardPredictor(const LateSegmentationSettings& settings,
@@ -81,12 +81,13 @@ class ForwardPredictor {
   void forward(const RgbdFrame& frame, const std::optional<Eigen::Isometry3d>& T_current_last,
                Segmentation& segmentation) {
     status_ = kOk, age_s_ = 0;
+    if (!corrected_) last_pose_.reset();  // lost in the last frame
+    corrected_ = false;
     const bool late =
         segmentation.available && segmentation.timestamp < frame.timestamp - kSameTimeS;
     was_late_ = was_late_ || late;
-    // Until the first result shows that the segmenter is in time, it may be late.
-    in_time_ = !was_late_ && (in_time_ || segmentation.available);
-    if (in_time_) return frames_.clear();
+    // A frame without a result may get one later.
+    if (!was_late_ && segmentation.available) return recycle(0);
     add(frame, T_current_last);
     if (!late) return;
     age_s_ = frame.timestamp - segmentation.timestamp;
@@ -102,9 +103,23 @@ class ForwardPredictor {
 
   /// Takes note of where the compensator's objects were found in the frame of forward().
   void remember(const std::vector<RememberedObject>& objects) {
-    if (in_time_ || frames_.empty()) return;
+    if (frames_.empty()) return;
     for (const RememberedObject& object : objects)
       frames_.back().tracks.push_back({object.id, object.box(), object.center(), object.depth_m()});
+  }
+
+  /// Tells the pose that the host tracked for the frame of forward(): better than its prediction.
+  void correct(const Eigen::Isometry3d& T_world_camera) {
+    if (last_pose_ && !frames_.empty()) {
+      const Eigen::Isometry3d T = T_world_camera.inverse() * *last_pose_;
+      std::optional<Eigen::Isometry3d>& told = frames_.back().T_this_last;
+      // A host that closes a loop or finds itself again jumps; the camera does not.
+      const Eigen::Isometry3d jump = told ? T * told->inverse() : T;
+      if (jump.translation().norm() < 0.1 && Eigen::AngleAxisd(jump.linear()).angle() < 0.1)
+        told = T;
+    }
+    last_pose_ = T_world_camera;
+    corrected_ = true;
   }
 
   /// How much older than its frame the last segmentation was, seconds.
@@ -135,14 +150,15 @@ class ForwardPredictor {
   };
 
   void add(const RgbdFrame& frame, const std::optional<Eigen::Isometry3d>& T_current_last) {
-    if (!frames_.empty() && frame.timestamp <= frames_.back().timestamp) frames_.clear();
-    Frame entry;
-    // A frame that is not needed any more gives its memory.
+    if (!frames_.empty() && frame.timestamp <= frames_.back().timestamp) recycle(0);
     while (!frames_.empty() &&
-           (frames_.size() >= kMostFrames ||
-            frame.timestamp - frames_.front().timestamp > settings_.max_age_s + kSameTimeS)) {
-      entry = std::move(frames_.front());
-      frames_.pop_front();
+           frame.timestamp - frames_.front().timestamp > settings_.max_age_s + kSameTimeS)
+      recycle(frames_.size() - 1);
+    recycle(kMostFrames - 1);
+    Frame entry;
+    if (!spare_.empty()) {
+      entry = std::move(spare_.back());
+      spare_.pop_back();
     }
     entry.timestamp = frame.timestamp;
     entry.units_per_m = frame.depth_units_per_m;
@@ -150,6 +166,11 @@ class ForwardPredictor {
     frame.depth.copyTo(entry.depth);
     entry.tracks.clear();
     frames_.push_back(std::move(entry));
+  }
+
+  // Forgets the oldest frames but the last `keep`; later frames take their memory.
+  void recycle(std::size_t keep) {
+    for (; frames_.size() > keep; frames_.pop_front()) spare_.push_back(std::move(frames_.front()));
   }
 
   void carry(const RgbdFrame& frame, std::size_t then, Segmentation& segmentation) {
@@ -301,13 +322,15 @@ class ForwardPredictor {
   Camera camera_;
   ObjectLocator tracked_locator_, new_locator_;
   std::deque<Frame> frames_;
+  std::vector<Frame> spare_;
+  std::optional<Eigen::Isometry3d> last_pose_;
   RememberedObject object_;
   DepthView old_depth_, depth_;
   std::vector<std::vector<uchar>> masks_;
   std::vector<uchar> central_;
   std::vector<Seen> seen_, last_seen_;  // of this result, and of the one before
   double last_seen_s_ = 0;
-  bool in_time_ = false, was_late_ = false;
+  bool was_late_ = false, corrected_ = false;
   double age_s_ = 0;
   std::uint32_t status_ = kOk;
 };

@@ -13,7 +13,8 @@ namespace stillpoint {
 
 /// What a DetectionThread gives when its segmenter takes `latency_s` per frame, but in the time of
 /// the frames and not of the clock: the same results in every run, on any machine. It takes the
-/// newest frame, and hands its result out with the first frame that comes `latency_s` later.
+/// newest frame, and hands its result out with the first frame that comes `latency_s` later. The
+/// first frame is waited for (DetectionThread::wait_for_result()).
 class DelayedSegmenter : public Segmenter {
  public:
   /// `segmenter` must outlive this.
@@ -32,7 +33,8 @@ class DelayedSegmenter : public Segmenter {
       result_.timestamp = start_s_ = frame.timestamp;
       busy_ = true;
     }
-    if (latency_s_ <= 0) {
+    if (latency_s_ <= 0 || first_) {
+      first_ = false;
       busy_ = false;
       std::swap(out, result_);
     }
@@ -45,7 +47,7 @@ class DelayedSegmenter : public Segmenter {
   Segmenter& segmenter_;
   double latency_s_;
   double start_s_ = 0;
-  bool busy_ = false;
+  bool busy_ = false, first_ = true;
   Segmentation result_;
 };
 
