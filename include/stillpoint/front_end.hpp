@@ -251,7 +251,9 @@ class BasicFrontEnd {
       for (const Instance& s : segmentation.instances)
         if (is_dynamic(s, settings_.dynamic_classes)) dynamic_.instances.push_back(s);
     raw_instances_ = dynamic_.instances;
-    predictor_.forward(frame, T_current_last, dynamic_);
+    // Without a segmenter, nothing can come late.
+    if (segmenter_ || &segmentation != &segmented_)
+      predictor_.forward(frame, T_current_last, dynamic_);
   }
 
   double age_s() const {

@@ -66,11 +66,7 @@ class ForwardPredictor {
  public:
   ForwardPredictor(const LateSegmentationSettings& settings,
                    const SegmentationCompensatorSettings& compensation, const Camera& camera)
-      : settings_(settings),
-        compensation_(compensation),
-        camera_(camera),
-        tracked_locator_(compensation),
-        new_locator_(wider(compensation)) {
+      : settings_(settings), compensation_(compensation), camera_(camera), locator_(compensation) {
     settings.check();
   }
 
@@ -131,6 +127,11 @@ class ForwardPredictor {
   static constexpr double kSameTimeS = 1e-4;
   static constexpr std::size_t kMostFrames = 128;
 
+  // An object's own way: in the picture, and away from the camera (metres).
+  struct Way {
+    cv::Point2d place;
+    float depth_m;
+  };
   struct Track {
     int id;
     cv::Rect box;
@@ -194,12 +195,6 @@ class ForwardPredictor {
     std::swap(last_seen_, seen_);
   }
 
-  // An object that was not tracked may have gone farther.
-  static SegmentationCompensatorSettings wider(SegmentationCompensatorSettings settings) {
-    settings.search_px = std::min(1000, 2 * settings.search_px);
-    return settings;
-  }
-
   // The frame of that time or, if the host left it out, the one before it.
   std::size_t index_of(double timestamp) const {
     for (std::size_t i = frames_.size(); i-- > 0;)
@@ -231,9 +226,13 @@ class ForwardPredictor {
     return {q.x(), q.y()};
   }
 
+  double depth_of(const cv::Point2d& p, float z, const std::optional<Eigen::Isometry3d>& T) const {
+    return T && camera_.valid() ? (*T * camera_.unproject(p.x, p.y, z)).z() : z;
+  }
+
   // The object's own way in the picture since frame `then`, the camera's motion taken away: along
   // its track up to the last frame, and on at the same speed.
-  std::optional<cv::Point2d> tracked_motion(const Instance& instance, std::size_t then) const {
+  std::optional<Way> tracked_motion(const Instance& instance, std::size_t then) const {
     if (then + 2 > frames_.size()) return std::nullopt;
     const Track* start = nullptr;
     double best = 0.3;
@@ -246,22 +245,28 @@ class ForwardPredictor {
     for (std::size_t last = frames_.size() - 1; --last > then;)
       for (const Track& track : frames_[last].tracks) {
         if (track.id != start->id) continue;
-        const cv::Point2d from = transfer(start->center, start->z, motion_since(then));
-        const cv::Point2d to = transfer(track.center, track.z, motion_since(last));
         const double seconds = frames_[last].timestamp - frames_[then].timestamp;
-        return (to - from) * ((frames_.back().timestamp - frames_[then].timestamp) / seconds);
+        const double on = (frames_.back().timestamp - frames_[then].timestamp) / seconds;
+        const auto T_then = motion_since(then), T_last = motion_since(last);
+        const cv::Point2d from = transfer(start->center, start->z, T_then);
+        const cv::Point2d to = transfer(track.center, track.z, T_last);
+        const double nearer = start->z > 0 && track.z > 0
+                                  ? depth_of(track.center, track.z, T_last) -
+                                        depth_of(start->center, start->z, T_then)
+                                  : 0;
+        return Way{(to - from) * on, static_cast<float>(nearer * on)};
       }
     return std::nullopt;
   }
 
   // The same, at the speed from the last result to this one (the newest of seen_).
-  std::optional<cv::Point2d> motion_between_results(std::size_t then) const {
+  std::optional<Way> motion_between_results(std::size_t then) const {
     const Seen& now = seen_.back();
     const double since = frames_[then].timestamp - last_seen_s_;
     const std::size_t before = index_of(last_seen_s_);
     if (!(since > 0) || before >= then) return std::nullopt;
     const std::optional<Eigen::Isometry3d> T = motion_between(before, then);
-    std::optional<cv::Point2d> way;
+    std::optional<Way> way;
     double best = 0.3;
     for (const Seen& old : last_seen_) {
       const cv::Point2d still = transfer(old.center, old.z, T);
@@ -269,10 +274,10 @@ class ForwardPredictor {
                             static_cast<int>(still.y - old.center.y));
       const double both = ((old.box + shift) & now.box).area();
       const double overlap = both / (old.box.area() + now.box.area() - both);
-      if (overlap > best) best = overlap, way = now.center - still;
+      if (overlap > best) best = overlap, way = Way{now.center - still, 0};
     }
-    if (!way) return std::nullopt;
-    return *way * ((frames_.back().timestamp - frames_[then].timestamp) / since);
+    if (way) way->place *= (frames_.back().timestamp - frames_[then].timestamp) / since;
+    return way;
   }
 
   // In a bare box the object is in the middle columns.
@@ -283,6 +288,45 @@ class ForwardPredictor {
     const int width = instance.box.width;
     middle.mask.colRange(width * 5 / 16, std::max(width * 5 / 16 + 1, width * 11 / 16)).setTo(255);
     return middle;
+  }
+
+  // Moves object_ from where it would be seen had it stood still to where it is; false if it is not
+  // there any more.
+  bool find(const RgbdFrame& frame, const Instance& instance, std::size_t then, bool can_look) {
+    // What depth followed is surer than the way between two results; without depth, it is not.
+    const std::optional<Way> tracked = tracked_motion(instance, then);
+    const std::optional<Way> between = motion_between_results(then);
+    if (!can_look) {
+      if (between || tracked) move(between ? *between : *tracked);
+      return true;
+    }
+    // A copy of the place, as a search that fails has moved it.
+    const RememberedObject::Place still = object_.place();
+    for (const std::optional<Way>& way : {tracked, between}) {
+      if (!way) continue;
+      object_.set_place(still);
+      move(*way);
+      if (locator_.locate(frame, depth_, object_)) return true;
+    }
+    const double px_per_m = depth_.focal_px() / object_.depth_m();
+    const double seconds = frames_.back().timestamp - frames_[then].timestamp;
+    const int reach =
+        static_cast<int>(std::min(200.0, compensation_.max_speed_m_s * px_per_m * seconds));
+    const float step =
+        static_cast<float>(std::min(0.5, 0.5 * compensation_.max_speed_m_s * seconds));
+    for (const float away : {0.0f, -step, step}) {
+      object_.set_place(still);
+      object_.shift_depth(away);
+      if (locator_.locate_far(depth_, std::max(reach, compensation_.search_px), object_))
+        return true;
+    }
+    return false;
+  }
+
+  void move(const Way& way) {
+    object_.shift_depth(way.depth_m);
+    object_.shift_prediction(
+        {static_cast<int>(std::lround(way.place.x)), static_cast<int>(std::lround(way.place.y))});
   }
 
   bool carry_one(const RgbdFrame& frame, const RgbdFrame& old, std::size_t then,
@@ -296,15 +340,7 @@ class ForwardPredictor {
     object_.predict(frame.timestamp, camera_, T_now_then, 0);
     const bool can_look = !depth_.empty() && object_.depth_m() > 0;
     seen_.push_back({instance.box, object_.center(), object_.depth_m()});
-    // What depth followed is surer than the way between two results; without depth, it is not.
-    std::optional<cv::Point2d> own = tracked_motion(instance, then);
-    if (!own || !can_look)
-      if (const auto between = motion_between_results(then)) own = between;
-    if (own)
-      object_.shift_prediction(
-          {static_cast<int>(std::lround(own->x)), static_cast<int>(std::lround(own->y))});
-    if (can_look && !(own ? tracked_locator_ : new_locator_).locate(frame, depth_, object_))
-      return false;
+    if (!find(frame, instance, then, can_look)) return false;
     const cv::Rect area = object_.predicted_box(frame.color.size());
     if (area.empty()) return false;
     if (can_look) instance.depth_m = object_.predicted_depth_m();
@@ -320,7 +356,7 @@ class ForwardPredictor {
   LateSegmentationSettings settings_;
   SegmentationCompensatorSettings compensation_;
   Camera camera_;
-  ObjectLocator tracked_locator_, new_locator_;
+  ObjectLocator locator_;
   std::deque<Frame> frames_;
   std::vector<Frame> spare_;
   std::optional<Eigen::Isometry3d> last_pose_;

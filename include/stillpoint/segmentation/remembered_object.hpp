@@ -122,6 +122,24 @@ class RememberedObject {
     affine_.col(2) += shift;
   }
 
+  /// Where it is predicted, to be put back there.
+  struct Place {
+    Eigen::Matrix<double, 2, 3, Eigen::DontAlign> affine;
+    float z;
+  };
+  Place place() const { return {affine_, predicted_z_}; }
+  void set_place(const Place& place) { affine_ = place.affine, predicted_z_ = place.z; }
+  /// Moves the prediction away from the camera (or towards it), which makes it smaller.
+  void shift_depth(float metres) {
+    if (!(predicted_z_ > 0)) return;
+    metres = std::max(metres, -0.5f * predicted_z_);
+    const double scale = predicted_z_ / (predicted_z_ + metres);
+    const Eigen::Vector2d center =
+        affine_.leftCols<2>() * Eigen::Vector2d(center_.x, center_.y) + affine_.col(2);
+    affine_ *= scale;
+    affine_.col(2) += (1 - scale) * center;
+    predicted_z_ += metres;
+  }
   /// Moves the prediction by whole pixels.
   void shift_prediction(const cv::Point& shift) {
     affine_(0, 2) += shift.x, affine_(1, 2) += shift.y;
