@@ -9,51 +9,20 @@
 #include <deque>
 #include <opencv2/core.hpp>
 #include <optional>
-#include <string>
 #include <utility>
 #include <vector>
 
 #include "stillpoint/core/camera.hpp"
 #include "stillpoint/core/depth_view.hpp"
-#include "stillpoint/core/error.hpp"
 #include "stillpoint/core/frame.hpp"
 #include "stillpoint/core/instance.hpp"
 #include "stillpoint/core/status.hpp"
+#include "stillpoint/segmentation/late_segmentation_settings.hpp"
 #include "stillpoint/segmentation/object_locator.hpp"
 #include "stillpoint/segmentation/remembered_object.hpp"
 #include "stillpoint/segmentation/segmentation_compensator_settings.hpp"
 
 namespace stillpoint {
-
-/// What becomes of a segmentation that comes late: of frame t - k while the camera is at frame t.
-struct LateSegmentationSettings {
-  /// Predict its masks forward to frame t; else they are used where they were.
-  bool predict = true;
-  /// An older one is dropped, as if it had not come.
-  double max_age_s = 1.5;
-  /// A mask whose newest segmentation is older than this is widened...
-  double widen_after_s = 0.5;
-  /// ...by so many pixels per second beyond it, at most by 20.
-  double widen_px_per_s = 40;
-
-  /// Throws Error if a setting makes no sense.
-  void check() const {
-    const auto at_least_0 = [](const char* name, double value) {
-      if (!(value >= 0))
-        throw Error(std::string("LateSegmentationSettings.") + name +
-                    ": expected at least 0, found " + std::to_string(value));
-    };
-    at_least_0("max_age_s", max_age_s);
-    at_least_0("widen_after_s", widen_after_s);
-    at_least_0("widen_px_per_s", widen_px_per_s);
-  }
-  /// Pixels to add to the dilation of a mask of that age.
-  int widening_px(double age_s) const {
-    return age_s > widen_after_s
-               ? static_cast<int>(std::min(20.0, widen_px_per_s * (age_s - widen_after_s)))
-               : 0;
-  }
-};
 
 /// Carries the masks of a late segmentation forward, from its frame to the newest one: by the
 /// camera's motion since, by the motion that the tracked object had since, and onto the depth that
