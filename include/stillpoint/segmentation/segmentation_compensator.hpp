@@ -68,7 +68,11 @@ class SegmentationCompensator {
     begin(frame, segmentation);
     for (RememberedObject& object : objects_)
       object.predict(frame.timestamp, camera_, T_current_last, max_speed_px(object, size));
-    if (segmentation.available) newest_result_s_ = frame.timestamp - age_s_;
+    if (segmentation.available) {
+      newest_result_s_ = frame.timestamp - age_s_;
+      last_result_at_s_ = frame.timestamp;
+      late_ = age_s_ > 0;
+    }
     associate(size);
     const bool look = settings_.trigger == Settings::Trigger::kPerObject ||
                       !segmentation.available || area_dropped();
@@ -119,7 +123,8 @@ class SegmentationCompensator {
   /// Forgets everything (a cut in the sequence).
   void reset() {
     objects_.clear();
-    last_s_ = newest_result_s_ = -std::numeric_limits<double>::infinity();
+    last_s_ = newest_result_s_ = last_result_at_s_ = -std::numeric_limits<double>::infinity();
+    late_ = false;
     last_area_ = 0;
   }
 
@@ -197,7 +202,9 @@ class SegmentationCompensator {
     RememberedObject& object = objects_[j];
     const bool seen = instance_of_[j] >= 0;
     if (seen) object.seen_s = frame.timestamp;
-    const bool too_old = frame.timestamp - object.seen_s > settings_.max_prediction_s;
+    // A late segmenter gives few results: one that misses the object must not end it.
+    const double known_s = late_ ? std::max(object.seen_s, last_result_at_s_) : object.seen_s;
+    const bool too_old = frame.timestamp - known_s > settings_.max_prediction_s;
     if (!seen && too_old) {
       object.alive = false;
       status_ |= kMaskStale;
@@ -308,6 +315,8 @@ class SegmentationCompensator {
   std::size_t buffers_used_ = 0;
   double last_s_ = -std::numeric_limits<double>::infinity();
   double newest_result_s_ = -std::numeric_limits<double>::infinity();
+  double last_result_at_s_ = -std::numeric_limits<double>::infinity();
+  bool late_ = false;
   double age_s_ = std::numeric_limits<double>::infinity();
   double last_area_ = 0;
   int next_id_ = 0;
