@@ -3,7 +3,10 @@
 
 #include <cmath>
 #include <limits>
+#include <memory>
 #include <stillpoint/backends/mask_files.hpp>
+#include <stillpoint/testing/segmenter_conformance.hpp>
+#include <vector>
 
 #include "../../tests/io/temporary_folder.hpp"
 
@@ -150,3 +153,25 @@ TEST(MaskFiles, ReadsARenderedSequence) {
 }
 
 }  // namespace
+
+namespace stillpoint::testing {
+
+// Reads what it wrote; pictures of other sizes than its mask are refused.
+struct MakeMaskFiles {
+  std::unique_ptr<Segmenter> operator()() const {
+    static const TemporaryFolder folder;
+    std::vector<FrameName> names;
+    for (int i = 1; i <= 20; ++i) {
+      names.push_back({static_cast<double>(i), std::to_string(i)});
+      cv::Mat labels = cv::Mat::zeros(480, 640, CV_8UC1);
+      labels(cv::Rect(10 * i, 40, 100, 300)) = 1;
+      labels(cv::Rect(400, 5 * i, 60, 300)) = 2;
+      write_picture(folder / (std::to_string(i) + ".png"), labels);
+    }
+    return std::make_unique<MaskFilesSegmenter>(folder.path(), names);
+  }
+};
+
+STILLPOINT_TEST_SEGMENTER(MaskFiles, MakeMaskFiles);
+
+}  // namespace stillpoint::testing

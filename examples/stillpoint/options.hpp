@@ -39,6 +39,20 @@ inline void add_system_options(CLI::App* command, RunSettings& s) {
           segmenter_names());
   command->add_option("--masks", s.masks, "Folder of masks for mask_files  [SEQUENCE/masks]")
       ->type_name("DIR");
+  command->add_option("--model", s.model, "Network of the segmenter opencv_dnn (ONNX, ...)")
+      ->type_name("FILE");
+  command->add_option("--model-config", s.model_config, "Its .pbtxt, if it has one")
+      ->type_name("FILE");
+  command->add_option("--decoder", s.decoder, "Kind of network  [recognised]")->type_name("NAME");
+  command
+      ->add_option("--input-size", s.input_size,
+                   "Size that pictures are fitted into  [the network's own]")
+      ->type_name("WxH");
+  command
+      ->add_option("--dynamic", s.dynamic,
+                   "Classes that move, and how probably: person,chair=0.5  [person]")
+      ->delimiter(',')
+      ->type_name("NAMES");
   between(command->add_option("--frames", s.frames, "Only the first N frames  [all]"), 1, 1000000);
 }
 

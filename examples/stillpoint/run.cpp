@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
+#include <cmath>
 #include <cstdio>
 #include <memory>
 
@@ -26,6 +27,10 @@ std::string settings_line(const RunSettings& s, bool segmenter_was_open) {
   for (const std::string& stage : s.without) line += ", without " + stage;
   line += "; segmenter " + s.segmenter;
   if (s.segmenter == "mask_files") line += " (" + s.masks.string() + ")";
+  if (s.segmenter == "opencv_dnn") line += " (" + s.model.string() + ")";
+  if (s.async) line += " in a thread, at the speed of the recording";
+  if (s.latency_ms >= 0)
+    line += " as if it took " + std::to_string(std::lround(s.latency_ms)) + " ms";
   if (segmenter_was_open && s.segmenter == "none")
     line += ", as there is no folder masks" +
             std::string(s.preset == "motion" ? "" : ": nothing will be masked");
@@ -108,7 +113,7 @@ void add_run_command(CLI::App& app) {
               "off: the tracker alone, for comparison  [on]"),
           {"on", "off"});
   choices(command->add_option("--without", s.without, "Leave a stage out; may be given again"),
-          {"compensation", "depth", "probability", "motion"})
+          {"compensation", "depth", "probability", "motion", "prediction"})
       ->allow_extra_args(false);
   choices(command->add_option(
               "--tracker", s.tracker,
@@ -117,6 +122,11 @@ void add_run_command(CLI::App& app) {
   between(command->add_option("--features", s.features, "Keypoints per frame  [1000]"), 50, 100000);
   command->add_option("--seed", s.seed, "Other random samples in the front end  [0]")
       ->type_name("N");
+  command->add_flag("--async", s.async,
+                    "The segmenter in a thread, the frames at the speed of the recording");
+  between(command->add_option("--latency", s.latency_ms,
+                              "As if the segmenter took so long per frame; the same in every run"),
+          0.0, 10000.0, "MS");
   command->add_flag("--save-masks", options->save_masks,
                     "Write DIR/masks/STEM.png: the final mask, 255 = dynamic");
   command->add_flag("--save-keypoints", options->save_keypoints,
@@ -146,6 +156,8 @@ Examples:
   stillpoint run rgbd_dataset_freiburg3_walking_xyz --camera fr3 --masks my_masks --out out
   stillpoint run walk --out out --front-end off             the tracker alone
   stillpoint run walk --out out --without depth             leave one stage out
+  stillpoint run walk --model FastestDet.onnx --out out     a network, and no masks on the disk
+  stillpoint run walk --model yolo.onnx --async --out out   beside the camera, as on a robot
   stillpoint run walk --out out --save-overlays 10          pictures of every tenth frame
 
 Presets: default is ours; paper the literal method of the paper; motion the default with the motion

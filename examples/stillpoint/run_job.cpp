@@ -17,6 +17,7 @@
 //   notes             what the user should know (wrong depth factor, frames left out)
 #include "run_job.hpp"
 
+#include <chrono>
 #include <fstream>
 #include <map>
 #include <opencv2/core/version.hpp>
@@ -52,15 +53,20 @@ double peak_memory_mb() {
 void reset_peak_memory() { std::ofstream("/proc/self/clear_refs") << "5"; }
 
 Json settings_json(const RunSettings& s, const FrontEndSettings& f) {
+  Json classes;
+  for (const DynamicClass& c : f.dynamic_classes) classes[c.name] = c.prior;
   return {{"front_end", s.front_end ? "on" : "off"},
           {"preset", s.preset},
           {"without", s.without},
           {"segmenter", s.segmenter},
           {"masks", s.masks.string()},
+          {"model", s.model.string()},
+          {"async", s.async},
+          {"latency_ms", s.latency_ms < 0 ? Json() : Json(s.latency_ms)},
           {"tracker", s.tracker},
           {"features", s.features},
           {"seed", s.seed},
-          {"dynamic_classes", f.dynamic_classes},
+          {"dynamic_classes", classes},
           {"dilation_px", f.depth.dilation_px},
           {"range_m", f.depth.range_m},
           {"cell_px", f.depth.cell_px},
@@ -123,7 +129,8 @@ Json run_job(const RunSettings& wanted, const RunOutputs& outputs,
   RunSettings settings = wanted;
   const TumSequence sequence = open_sequence(settings.sequence, settings.camera);
   choose_segmenter(settings);
-  const std::unique_ptr<Segmenter> segmenter = make_segmenter(settings, sequence);
+  const std::unique_ptr<Segmenter> segmenter =
+      make_late(settings, make_segmenter(settings, sequence));
   const std::unique_ptr<Tracker> tracker = make_tracker(settings, *sequence.camera());
   const FrontEndSettings front_end = front_end_settings(settings);
   const std::size_t count =
@@ -146,6 +153,7 @@ Json run_job(const RunSettings& wanted, const RunOutputs& outputs,
   const bool with_map = !outputs.map_ply.empty() || !outputs.map_views_dir.empty();
   FrameWriter writer(outputs);
   bool depth_checked = false;
+  std::chrono::steady_clock::time_point start;
   for (std::size_t i = 0; i < count; ++i) {
     const RgbdFrame frame = sequence.load(i);
     if (!depth_checked && median_depth_m(frame)) {
@@ -153,7 +161,12 @@ Json run_job(const RunSettings& wanted, const RunOutputs& outputs,
       if (const auto problem = check_depth_scale(frame)) say(*problem);
     }
     const std::string& stem = sequence.entry(i).stem;
+    // A thread beside the camera only shows its worth at the camera's pace.
+    if (settings.async && i > 0)
+      std::this_thread::sleep_until(
+          start + std::chrono::duration<double>(frame.timestamp - sequence.entry(0).timestamp));
     pipeline.process(frame);
+    if (i == 0) start = std::chrono::steady_clock::now();
     recorder.add(pipeline, frame, stem, judge);
     writer.write(pipeline, frame, stem, i, judge);
     if (with_map) map.remember(i, pipeline);

@@ -19,9 +19,19 @@ struct RunSettings {
   std::string segmenter;
   /// Of mask_files; empty: SEQUENCE/masks.
   std::filesystem::path masks;
+  /// Network of opencv_dnn, its graph's text file (if it has one), its decoder (empty: recognised),
+  /// and its input size WIDTHxHEIGHT (empty: the model's own).
+  std::filesystem::path model, model_config;
+  std::string decoder, input_size;
+  /// Dynamic classes, NAME or NAME=PRIOR; empty: person.
+  std::vector<std::string> dynamic;
+  /// The segmenter beside the camera, at the speed of the recording.
+  bool async = false;
+  /// As if the segmenter took so long per frame; negative: as fast as it is.
+  double latency_ms = -1;
   std::string preset = "default";
   bool front_end = true;
-  /// Stages left out: compensation, depth, probability, motion.
+  /// Stages left out: compensation, depth, probability, motion, prediction (of late masks).
   std::vector<std::string> without;
   std::string tracker = "slam";
   /// ORB keypoints per frame; 0: the tracker's default.

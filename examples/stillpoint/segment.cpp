@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
+#include <algorithm>
 #include <cstdio>
 #include <memory>
 
@@ -17,6 +18,23 @@ struct SegmentOptions {
   std::filesystem::path out;
 };
 
+// Mask files have no classes: only what moves is written.
+void keep_dynamic(const std::vector<DynamicClass>& classes, std::vector<Instance>& instances) {
+  instances.erase(std::remove_if(instances.begin(), instances.end(),
+                                 [&](const Instance& s) { return !is_dynamic(s, classes); }),
+                  instances.end());
+}
+
+// A detector's boxes become masks by the depth in them.
+void carve_boxes(const RgbdFrame& frame, Segmentation& result, DepthMaskFuser& fuser) {
+  bool bare = false;
+  for (const Instance& s : result.instances) bare = bare || s.mask.empty();
+  if (!bare) return;
+  fuser.fuse(frame, result);
+  for (std::size_t i = 0; i < result.instances.size(); ++i)
+    if (result.instances[i].mask.empty()) result.instances[i] = fuser.instances()[i];
+}
+
 void segment(SegmentOptions options) {
   const TumSequence sequence = open_sequence(options.settings.sequence, options.settings.camera);
   choose_segmenter(options.settings);
@@ -28,13 +46,19 @@ void segment(SegmentOptions options) {
   const std::size_t count = options.settings.frames > 0
                                 ? std::min(options.settings.frames, sequence.size())
                                 : sequence.size();
+  const std::vector<DynamicClass> classes = dynamic_classes(options.settings);
+  DepthMaskFuserSettings fusion;
+  fusion.dilation_px = 0;
+  DepthMaskFuser fuser(fusion, *sequence.camera());
   std::size_t written = 0, instances = 0;
   {
     Progress progress("segment", count);
     for (std::size_t i = 0; i < count; ++i) {
       const RgbdFrame frame = sequence.load(i);
-      const Segmentation result = segmenter->segment(frame);
+      Segmentation result = segmenter->segment(frame);
       if (result.available) {
+        keep_dynamic(classes, result.instances);
+        carve_boxes(frame, result, fuser);
         write_labels(options.out, sequence.entry(i).stem, result.instances, frame.color.size());
         ++written;
         instances += result.instances.size();
@@ -59,11 +83,13 @@ void add_segment_command(CLI::App& app) {
       ->type_name("DIR");
   add_system_options(command, options->settings);
   command->footer(R"(
-Example:
-  stillpoint segment walk --segmenter mask_files --masks old_masks --out walk/masks
+Examples:
+  stillpoint segment walk --model yolov8n-seg_headless.onnx --out walk/masks
+  stillpoint segment walk --model FastestDet.onnx --dynamic person,chair=0.5 --out walk/masks
 
 Writes one 8-bit PNG per color picture that the segmenter has a result for, named by the color file's
-stem: 0 = background, k = object k. `stillpoint run --segmenter mask_files --masks DIR` reads them.)");
+stem: 0 = background, k = dynamic object k; a detector's boxes are filled by the depth in them.
+`stillpoint run --segmenter mask_files --masks DIR` reads them.)");
   command->callback([options] { segment(*options); });
 }
 

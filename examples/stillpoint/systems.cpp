@@ -1,9 +1,18 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include "systems.hpp"
 
+#include <type_traits>
+#include <utility>
+
 #include "stillpoint/backends/mask_files.hpp"
+#ifdef STILLPOINT_WITH_OPENCV_DNN
+#include "stillpoint/backends/opencv_dnn/segmenter.hpp"
+#endif
 #include "stillpoint/backends/rgbd_slam/odometry.hpp"
 #include "stillpoint/backends/rgbd_slam/slam_system.hpp"
+#include "stillpoint/io/text_file.hpp"
+#include "stillpoint/segmentation/detection_thread.hpp"
+#include "stillpoint/testing/delayed_segmenter.hpp"
 
 namespace stillpoint::cli {
 namespace {
@@ -24,9 +33,51 @@ std::string hinted_camera(const std::string& folder) {
   return folder.find("bonn") != std::string::npos ? "bonn" : "";
 }
 
+/// A segmenter around another, and that other.
+template <class Outer>
+class Owning : public Segmenter {
+ public:
+  template <class... Arguments>
+  explicit Owning(std::unique_ptr<Segmenter> inner, Arguments... arguments)
+      : inner_(std::move(inner)), outer_(*inner_, arguments...) {}
+  Segmentation segment(const RgbdFrame& frame) override {
+    if constexpr (std::is_same_v<Outer, DetectionThread>) {
+      // The map begins with the first frame: people in it must be known.
+      if (first_) outer_.segment(frame), outer_.wait_for_result(60);
+      first_ = false;
+    }
+    return outer_.segment(frame);
+  }
+  std::vector<std::string> classes() const override { return outer_.classes(); }
+
+ private:
+  bool first_ = true;
+  std::unique_ptr<Segmenter> inner_;
+  Outer outer_;
+};
+
+#ifdef STILLPOINT_WITH_OPENCV_DNN
+cv::Size size_from(const std::string& text) {
+  const std::size_t x = text.find('x');
+  const auto width = detail::parse_number(text.substr(0, x));
+  const auto height =
+      x == std::string::npos ? std::nullopt : detail::parse_number(text.substr(x + 1));
+  if (!width || !height || !(*width >= 32 && *width <= 8192 && *height >= 32 && *height <= 8192))
+    throw Error("--input-size: expected WIDTHxHEIGHT, 32 to 8192 pixels each, found \"" + text +
+                "\"");
+  return {static_cast<int>(*width), static_cast<int>(*height)};
+}
+#endif
+
 }  // namespace
 
-std::vector<std::string> segmenter_names() { return {"none", "mask_files"}; }
+std::vector<std::string> segmenter_names() {
+#ifdef STILLPOINT_WITH_OPENCV_DNN
+  return {"none", "mask_files", "opencv_dnn"};
+#else
+  return {"none", "mask_files"};
+#endif
+}
 std::vector<std::string> tracker_names() { return {"slam", "vo"}; }
 std::string default_tracker() { return "slam"; }
 
@@ -46,12 +97,26 @@ TumSequence open_sequence(const fs::path& folder, const std::string& camera) {
 
 void choose_segmenter(RunSettings& settings) {
   const fs::path masks = settings.sequence / "masks";
+  if (settings.segmenter.empty() && !settings.model.empty()) settings.segmenter = "opencv_dnn";
   if (settings.segmenter.empty())
     settings.segmenter = !settings.masks.empty() || fs::is_directory(masks) ? "mask_files" : "none";
   if (settings.segmenter == "mask_files" && settings.masks.empty()) settings.masks = masks;
   if (settings.segmenter != "mask_files" && !settings.masks.empty())
     throw Error("--masks: only the segmenter mask_files reads masks, found --segmenter " +
                 settings.segmenter);
+  for (const auto& [name, given] :
+       {std::make_pair("--model", !settings.model.empty()),
+        std::make_pair("--model-config", !settings.model_config.empty()),
+        std::make_pair("--decoder", !settings.decoder.empty()),
+        std::make_pair("--input-size", !settings.input_size.empty())})
+    if (given && settings.segmenter != "opencv_dnn")
+      throw Error(std::string(name) + ": only the segmenter opencv_dnn runs a network, found " +
+                  "--segmenter " + settings.segmenter);
+  if (settings.segmenter == "opencv_dnn" && settings.model.empty())
+    throw Error("--segmenter opencv_dnn: needs its network: --model FILE");
+  if (settings.async && settings.latency_ms >= 0)
+    throw Error("--async and --latency exclude each other: one is real, one is played");
+  dynamic_classes(settings);  // says what is wrong with them
 }
 
 std::unique_ptr<Segmenter> make_segmenter(const RunSettings& settings,
@@ -59,8 +124,42 @@ std::unique_ptr<Segmenter> make_segmenter(const RunSettings& settings,
   if (settings.segmenter == "none") return nullptr;
   if (settings.segmenter == "mask_files")
     return std::make_unique<MaskFilesSegmenter>(settings.masks, frame_names(sequence));
+#ifdef STILLPOINT_WITH_OPENCV_DNN
+  if (settings.segmenter == "opencv_dnn") {
+    OpenCvDnnSettings network;
+    network.config = settings.model_config;
+    network.decoder = settings.decoder;
+    if (!settings.input_size.empty()) network.input_size = size_from(settings.input_size);
+    auto segmenter = std::make_unique<OpenCvDnnSegmenter>(settings.model, network);
+    check_dynamic_classes(dynamic_classes(settings), segmenter->classes());
+    return segmenter;
+  }
+#endif
   throw Error("--segmenter: expected one of " + joined(segmenter_names()) + ", found \"" +
               settings.segmenter + "\"");
+}
+
+std::unique_ptr<Segmenter> make_late(const RunSettings& settings,
+                                     std::unique_ptr<Segmenter> segmenter) {
+  if (!segmenter || (!settings.async && settings.latency_ms < 0)) return segmenter;
+  if (settings.async) return std::make_unique<Owning<DetectionThread>>(std::move(segmenter));
+  return std::make_unique<Owning<DelayedSegmenter>>(std::move(segmenter),
+                                                    settings.latency_ms / 1000);
+}
+
+std::vector<DynamicClass> dynamic_classes(const RunSettings& settings) {
+  if (settings.dynamic.empty()) return FrontEndSettings().dynamic_classes;
+  std::vector<DynamicClass> classes;
+  for (const std::string& text : settings.dynamic) {
+    const std::size_t equals = text.find('=');
+    const auto prior = equals == std::string::npos ? std::optional<double>(1)
+                                                   : detail::parse_number(text.substr(equals + 1));
+    if (!prior || equals == 0)
+      throw Error("--dynamic: expected NAME or NAME=PRIOR (0 to 1), found \"" + text + "\"");
+    classes.emplace_back(text.substr(0, equals), static_cast<float>(*prior));
+  }
+  check_dynamic_classes(classes, {});
+  return classes;
 }
 
 std::unique_ptr<Tracker> make_tracker(const RunSettings& settings, const Camera& camera) {
@@ -88,8 +187,10 @@ FrontEndSettings front_end_settings(const RunSettings& settings) {
     if (stage == "depth") front_end.use_depth = false;
     if (stage == "probability") front_end.use_probability = false;
     if (stage == "motion") front_end.use_motion = false;
+    if (stage == "prediction") front_end.late.predict = false;
   }
   front_end.depth.seed += settings.seed;
+  front_end.dynamic_classes = dynamic_classes(settings);
   return front_end;
 }
 

@@ -23,6 +23,13 @@ void choose_segmenter(RunSettings& settings);
 /// Null for "none".
 std::unique_ptr<Segmenter> make_segmenter(const RunSettings& settings, const TumSequence& sequence);
 
+/// The segmenter as --async or --latency wants it: in a thread, or as late as if it were slow.
+std::unique_ptr<Segmenter> make_late(const RunSettings& settings,
+                                     std::unique_ptr<Segmenter> segmenter);
+
+/// Dynamic classes from "person" or "chair=0.5".
+std::vector<DynamicClass> dynamic_classes(const RunSettings& settings);
+
 std::unique_ptr<Tracker> make_tracker(const RunSettings& settings, const Camera& camera);
 
 /// The preset with what was left out; the seed is added to those of the preset.

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <Eigen/Geometry>
-#include <algorithm>
 #include <chrono>
 #include <cstdint>
 #include <exception>
@@ -21,6 +20,8 @@
 #include "stillpoint/keypoints/grid_neighbor_search.hpp"
 #include "stillpoint/keypoints/probabilistic_keypoint_filter.hpp"
 #include "stillpoint/motion/motion_check.hpp"
+#include "stillpoint/segmentation/dynamic_class.hpp"
+#include "stillpoint/segmentation/forward_predictor.hpp"
 #include "stillpoint/segmentation/segmentation_compensator.hpp"
 #include "stillpoint/segmentation/segmenter.hpp"
 
@@ -32,6 +33,7 @@ struct FrontEndSettings {
   DepthMaskFuserSettings depth;
   KeypointFilterSettings probability;
   MotionCheckSettings motion;
+  LateSegmentationSettings late;
   bool use_compensation = true;
   bool use_depth = true;
   bool use_probability = true;
@@ -39,7 +41,7 @@ struct FrontEndSettings {
   /// host that calls correct_pose().
   bool use_motion = false;
   /// Instances of other classes are taken for static. Objects without a class are always dynamic.
-  std::vector<std::string> dynamic_classes{"person"};
+  std::vector<DynamicClass> dynamic_classes{"person"};
   /// A mask over this share of the picture is reported as kMaskTooLarge (and still used: the floor
   /// of kept keypoints protects the tracker).
   double large_mask_share = 0.9;
@@ -92,15 +94,20 @@ class BasicFrontEnd {
   using Settings = FrontEndSettings;
 
   /// `camera` may be left out (see DepthMaskFuser and SegmentationCompensator); `segmenter` is not
-  /// owned and may be null.
+  /// owned and may be null. Throws Error if a setting makes no sense, or a dynamic class is none of
+  /// the segmenter's.
   explicit BasicFrontEnd(const Settings& settings = {}, const Camera& camera = {},
                          Segmenter* segmenter = nullptr)
       : settings_(settings),
         segmenter_(segmenter),
         motion_(settings.motion, camera),
+        predictor_(settings.late, settings.compensation, camera),
         compensator_(settings.compensation, camera),
         fuser_(settings.depth, camera),
-        filter_(settings.probability) {}
+        filter_(settings.probability) {
+    check_dynamic_classes(settings.dynamic_classes,
+                          segmenter ? segmenter->classes() : std::vector<std::string>());
+  }
 
   const Settings& settings() const { return settings_; }
 
@@ -148,9 +155,10 @@ class BasicFrontEnd {
     return mask();
   }
 
-  /// Tells the pose that the host tracked for the last frame; only the motion check uses it. The
-  /// origin is the host's own; a jump (loop closing, relocalisation) is noticed.
+  /// Tells the pose that the host tracked for the last frame, for the motion check and for late
+  /// segmentations. The origin is the host's own; a jump (loop closing, relocalisation) is noticed.
   void correct_pose(const Eigen::Isometry3d& T_world_camera) {
+    predictor_.correct(T_world_camera);
     if (settings_.use_motion) motion_.correct(T_world_camera);
   }
 
@@ -199,23 +207,26 @@ class BasicFrontEnd {
                const std::optional<Eigen::Isometry3d>& T_current_last) {
     check_frame(frame);
     check_segmentation(segmentation, frame.color.size());
-    keep_dynamic(segmentation);
-
     Clock::time_point start = Clock::now();
     std::optional<Eigen::Isometry3d> T = T_current_last;
+    const std::vector<Instance>* movers = nullptr;
     if (settings_.use_motion) {
-      find_movers(frame, T_current_last);
+      movers = &motion_.find(frame, T_current_last);
       T = motion_.motion();
     }
     stats_.motion_ms = milliseconds_since(start);
 
     start = Clock::now();
+    keep_dynamic(frame, segmentation, T);
+    stats_.moving = movers ? static_cast<int>(movers->size()) : 0;
+    if (movers) dynamic_.instances.insert(dynamic_.instances.end(), movers->begin(), movers->end());
     const Segmentation* instances = &dynamic_;  // the segmenter's and the movers
     if (settings_.use_compensation) instances = &compensator_.mend(frame, dynamic_, T);
     stats_.compensation_ms = milliseconds_since(start);
 
     start = Clock::now();
-    const DynamicMask& fused = fuser_.fuse(frame, *instances, settings_.use_depth);
+    const DynamicMask& fused =
+        fuser_.fuse(frame, *instances, settings_.use_depth, settings_.late.widening_px(age_s()));
     if (settings_.use_compensation)
       compensator_.remember(
           frame, settings_.compensation.use_depth ? fuser_.instances() : instances->instances);
@@ -229,32 +240,33 @@ class BasicFrontEnd {
 
     mask_.image = fused.image;
     mask_.timestamp = frame.timestamp;
-    mask_.age_s = settings_.use_compensation ? compensator_.age_s() : fused.age_s;
+    mask_.age_s = age_s();
+    predictor_.remember(compensator_.objects());
     report(frame, instances->instances.size());
   }
 
-  void keep_dynamic(const Segmentation& segmentation) {
+  // Of the segmentation, predicted forward if it is late, what is dynamic.
+  void keep_dynamic(const RgbdFrame& frame, const Segmentation& segmentation,
+                    const std::optional<Eigen::Isometry3d>& T_current_last) {
     dynamic_.available = segmentation.available;
     dynamic_.timestamp = segmentation.timestamp;
     dynamic_.instances.clear();
-    const auto& classes = settings_.dynamic_classes;
     if (segmentation.available)
       for (const Instance& s : segmentation.instances)
-        if (s.class_name.empty() ||
-            std::find(classes.begin(), classes.end(), s.class_name) != classes.end())
-          dynamic_.instances.push_back(s);
+        if (is_dynamic(s, settings_.dynamic_classes)) dynamic_.instances.push_back(s);
     raw_instances_ = dynamic_.instances;
+    // Without a segmenter, nothing can come late.
+    if (segmenter_ || &segmentation != &segmented_)
+      predictor_.forward(frame, T_current_last, dynamic_);
   }
 
-  void find_movers(const RgbdFrame& frame, const std::optional<Eigen::Isometry3d>& T_current_last) {
-    const std::vector<Instance>& movers = motion_.find(frame, T_current_last);
-    stats_.moving = static_cast<int>(movers.size());
-    dynamic_.instances.insert(dynamic_.instances.end(), movers.begin(), movers.end());
+  double age_s() const {
+    return settings_.use_compensation ? compensator_.age_s() : predictor_.age_s();
   }
 
   void report(const RgbdFrame& frame, std::size_t instances) {
     stats_.timestamp = frame.timestamp;
-    stats_.status = fuser_.status();
+    stats_.status = fuser_.status() | predictor_.status();
     stats_.restored = 0;
     if (settings_.use_compensation) {
       stats_.status |= compensator_.status();
@@ -273,6 +285,7 @@ class BasicFrontEnd {
   Settings settings_;
   Segmenter* segmenter_;
   MotionCheck motion_;
+  ForwardPredictor predictor_;
   SegmentationCompensator compensator_;
   DepthMaskFuser fuser_;
   ProbabilisticKeypointFilter<NeighborSearch> filter_;

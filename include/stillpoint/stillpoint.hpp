@@ -27,6 +27,8 @@
 #include "stillpoint/mapping/dense_map.hpp"
 #include "stillpoint/motion/constant_velocity.hpp"
 #include "stillpoint/motion/motion_check.hpp"
+#include "stillpoint/segmentation/detection_thread.hpp"
+#include "stillpoint/segmentation/network_segmenter.hpp"
 #include "stillpoint/segmentation/segmentation_compensator.hpp"
 #include "stillpoint/segmentation/segmenter.hpp"
 #include "stillpoint/tracking/tracker.hpp"

@@ -311,7 +311,7 @@ TEST(FrontEnd, TakesDynamicClassesOnly) {
   std::vector<Instance> instances = walk.people(0);
   instances[0].class_name = "chair";
   instances[1].class_name = "";
-  const auto share = [&](const std::vector<std::string>& classes) {
+  const auto share = [&](const std::vector<DynamicClass>& classes) {
     FrontEndSettings settings;
     settings.dynamic_classes = classes;
     settings.use_depth = false;
@@ -323,6 +323,26 @@ TEST(FrontEnd, TakesDynamicClassesOnly) {
   EXPECT_EQ(share({"person"}), std::make_pair(1, 50 * 160)) << "without a class: always dynamic";
   EXPECT_EQ(share({}), std::make_pair(1, 50 * 160));
   EXPECT_EQ(share({"person", "chair"}), std::make_pair(2, 50 * 160 + 38 * 139));
+  instances[0].score = 0.6f;
+  EXPECT_EQ(share({{"chair", 0.5f}}).first, 2) << "0.6 * 0.5 is enough";
+  EXPECT_EQ(share({{"chair", 0.4f}}).first, 1) << "0.6 * 0.4 is not";
+  instances[0].score = 0.01f;
+  EXPECT_EQ(share({"chair"}).first, 2) << "with prior 1 always";
+}
+
+TEST(FrontEnd, RefusesDynamicClassesThatTheSegmenterDoesNotKnow) {
+  struct Named : FakeSegmenter {
+    std::vector<std::string> classes() const override { return {"person", "cat"}; }
+  } named;
+  FakeSegmenter silent;
+  FrontEndSettings settings;
+  settings.dynamic_classes = {"person", "chiar"};
+  EXPECT_ERROR(FrontEnd(settings, {}, &named), "\"chiar\"", "person, cat");
+  EXPECT_NO_THROW(FrontEnd(settings, {}, &silent)) << "does not say what it knows";
+  settings.dynamic_classes = {"person", {"cat", 0.5f}};
+  EXPECT_NO_THROW(FrontEnd(settings, {}, &named));
+  settings.dynamic_classes = {{"cat", 1.5f}};
+  EXPECT_ERROR(FrontEnd(settings, {}, &named), "cat", "0 to 1", "1.5");
 }
 
 TEST(FrontEnd, RefusesBadFramesAndGoesOn) {

@@ -21,3 +21,5 @@ extern std::vector<cv::KeyPoint> keypoints;
 extern stillpoint::RgbdFrame frame;
 extern stillpoint::DynamicMask mask;
 extern stillpoint::FrontEnd front_end;
+extern stillpoint::Camera camera;
+extern stillpoint::Segmenter& segmenter;

@@ -304,6 +304,57 @@ TEST_F(Cli, SegmentCopiesMasksInItsFormat) {
   }
 }
 
+TEST_F(Cli, LateMasksArePlayed) {
+  const Result r = run("run walk --out late --latency 100");
+  ASSERT_EQ(r.code, 0) << r.err;
+  EXPECT_NE(r.out.find("as if it took 100 ms"), std::string::npos) << r.out;
+  const Json stats = json_of(path("late") / "stats.json");
+  EXPECT_EQ(stats["status"]["no_segmentation"], 8) << "the first, then every third of 12";
+  EXPECT_EQ(stats["settings"]["latency_ms"], 100);
+  EXPECT_GT(stats["masks"]["iou_after"], 0.5);
+  ASSERT_EQ(run("run walk --out late_again --latency 100").code, 0);
+  EXPECT_EQ(text_of(path("late") / "trajectory.txt"),
+            text_of(path("late_again") / "trajectory.txt"));
+  EXPECT_EQ(run("run walk --out late --latency 100 --without prediction").code, 0);
+  const Result thread = run("run walk --out thread --async");
+  EXPECT_EQ(thread.code, 0) << thread.err;
+  EXPECT_GT(json_of(path("thread") / "stats.json")["masks"]["iou_after"], 0.5);
+  expect_error("run walk --out late --latency 100 --async", 1, "exclude each other");
+  expect_error("run walk --out late --latency -5", 2, "--latency");
+}
+
+TEST_F(Cli, NetworksAreChecked) {
+  expect_error("run walk --out net --dynamic person=2", 1, "prior of 0 to 1");
+  expect_error("run walk --out net --dynamic person=often", 1, "NAME=PRIOR");
+  expect_error("run walk --out net --segmenter mask_files --model a.onnx", 1, "only the segmenter");
+  if (run("run walk --out net --segmenter opencv_dnn").code == 2) {
+    GTEST_SKIP() << "built without opencv_dnn";
+  }
+  expect_error("run walk --out net --segmenter opencv_dnn", 1, "--model FILE");
+  expect_error("run walk --out net --model none.onnx", 1, "check the path");
+  std::ofstream(path("broken.onnx")) << "not a network";
+  expect_error("segment walk --out net --model broken.onnx", 1, "whole ONNX file");
+  EXPECT_FALSE(fs::exists(path("net"))) << "bad input is said before anything is written";
+}
+
+TEST_F(Cli, NetworksSegment) {
+  const std::string graphs = STILLPOINT_TEST_GRAPHS;
+  if (!fs::exists(graphs + "/fastestdet.onnx")) GTEST_SKIP() << "no graphs in " << graphs;
+  const std::string boxes = " --model '" + graphs + "/fastestdet.onnx' ";
+  const Result r = run("segment walk --out net_masks" + boxes);
+  ASSERT_EQ(r.code, 0) << r.err;
+  EXPECT_EQ(files_in(path("net_masks"), ".png"), 12u);
+  EXPECT_NE(r.out.find("12 with a result, 36 instances"), std::string::npos) << r.out;
+  const Result all = run("segment walk --out net_all --dynamic person,tv=0.5" + boxes);
+  EXPECT_NE(all.out.find("48 instances"), std::string::npos) << all.out;
+  expect_error("segment walk --out net_all --dynamic persn" + boxes, 1, "person, bicycle");
+  expect_error("run walk --out net --decoder detr" + boxes, 1, "no decoder \"detr\"");
+  expect_error("run walk --out net --input-size 100" + boxes, 1, "WIDTHxHEIGHT");
+  expect_error("run walk --out net --input-size 128x128" + boxes, 1, "made for, 96x64");
+  EXPECT_EQ(run("run walk --out net --decoder fastestdet" + boxes).code, 0);
+  EXPECT_EQ(run("run walk --out net --async" + boxes).code, 0);
+}
+
 TEST_F(Cli, BenchComparesAndGoesOn) {
   const std::string command = "bench walk --out b --tracker vo --frames 8";
   const Result r = run(command);
@@ -370,7 +421,9 @@ TEST_F(Cli, BenchJudgesOtherSystemsByTheSameRules) {
   for (const Json& row : rows) {
     const std::string label = row["label"];
     EXPECT_EQ(row["failed"], label == "cut" ? "coverage" : "") << label;
-    if (label == "whole") EXPECT_NEAR(row["ate_rmse_m"], rows[0]["ate_rmse_m"], 1e-6);
+    if (label == "whole") {
+      EXPECT_NEAR(row["ate_rmse_m"], rows[0]["ate_rmse_m"], 1e-6);
+    }
   }
   expect_error("bench walk --out e --estimate nothing", 1, "NAME=FILE");
 }

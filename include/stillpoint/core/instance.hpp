@@ -2,6 +2,7 @@
 #pragma once
 
 #include <algorithm>
+#include <limits>
 #include <opencv2/core.hpp>
 #include <string>
 #include <vector>
@@ -33,8 +34,9 @@ struct Segmentation {
   /// ones, and `instances` holds at most what was found without it. True with no instances: the
   /// network ran and saw nobody.
   bool available = false;
-  /// Timestamp of the frame that was segmented, seconds.
-  double timestamp = 0;
+  /// Timestamp of the frame that was segmented, seconds; NaN: of the frame that it is given with.
+  /// An earlier frame's masks are predicted forward.
+  double timestamp = std::numeric_limits<double>::quiet_NaN();
   std::vector<Instance> instances;
 };
 

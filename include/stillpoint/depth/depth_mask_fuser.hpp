@@ -47,13 +47,14 @@ class DepthMaskFuser {
 
   /// Fuses one frame. Without depth, or with `use_depth` false, the mask is the union of the
   /// instances' masks (of their boxes, where they have none), and status() says kNoDepth. Throws
-  /// Error if instances do not fit the picture.
+  /// Error if instances do not fit the picture. `widening_px` is added to the dilation.
   const DynamicMask& fuse(const RgbdFrame& frame, const Segmentation& segmentation,
-                          bool use_depth = true) {
+                          bool use_depth = true, int widening_px = 0) {
     check_frame(frame);
     const cv::Size size = frame.color.size();
     check_segmentation(segmentation, size);
     begin(frame);
+    dilation_px_ = settings_.dilation_px + std::max(0, widening_px);
     const std::size_t n = segmentation.instances.size();
     const bool has_depth = use_depth && !frame.depth.empty();
     status_ = frame.depth.empty() ? kNoDepth : kOk;
@@ -72,7 +73,7 @@ class DepthMaskFuser {
       unite(fused_[i]);
       regions_.push_back(fused_[i].box);
     }
-    dilate_rects(undilated_, regions_, settings_.dilation_px, mask_.image, dilation_buffer_);
+    dilate_rects(undilated_, regions_, dilation_px_, mask_.image, dilation_buffer_);
     return mask_;
   }
 
@@ -87,7 +88,7 @@ class DepthMaskFuser {
     cv::Rect all;
     for (const cv::Rect& r : regions_) all |= r;
     if (all.empty()) return 0;
-    all = grow_rect(all, settings_.dilation_px, mask_.image.size());
+    all = grow_rect(all, dilation_px_, mask_.image.size());
     return cv::countNonZero(mask_.image(all)) / static_cast<double>(mask_.image.total());
   }
   /// kNoDepth or kOk, of the last fuse().
@@ -103,7 +104,7 @@ class DepthMaskFuser {
       // Only what the last frame wrote needs to be cleared.
       for (const cv::Rect& r : regions_) {
         clear(undilated_, r);
-        clear(mask_.image, grow_rect(r, settings_.dilation_px, size));
+        clear(mask_.image, grow_rect(r, dilation_px_, size));
       }
     }
     regions_.clear();
@@ -147,6 +148,7 @@ class DepthMaskFuser {
   std::vector<Instance> fused_;
   std::vector<std::vector<uchar>> buffers_;
   std::vector<cv::Rect> regions_;
+  int dilation_px_ = 0;  // of the last frame
   DilationBuffer dilation_buffer_;
   std::uint32_t status_ = kOk;
 };

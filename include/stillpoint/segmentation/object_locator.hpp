@@ -45,6 +45,27 @@ class ObjectLocator {
     return true;
   }
 
+  /// locate() for an object that may have gone far, by depth only: looks everywhere within
+  /// `reach_px` to the sides (a third of it up and down) first. `depth` is not empty.
+  /// O(search places x 300 points).
+  bool locate_far(const DepthView& depth, int reach_px, RememberedObject& object) {
+    set_probes(depth, object);
+    static constexpr int kStep = 16;
+    cv::Point start(0, 0);
+    int best = support(depth, start).score;
+    for (int y = -reach_px / 3 / kStep; y <= reach_px / 3 / kStep; ++y)
+      for (int x = -reach_px / kStep; x <= reach_px / kStep; ++x) {
+        const cv::Point shift(x * kStep, y * kStep);
+        const int score = support(depth, shift).score - (std::abs(shift.x) + std::abs(shift.y)) / 8;
+        if (score > best) best = score, start = shift;
+      }
+    object.shift_prediction(start);
+    align_by_depth(depth, object);
+    const Support s = support(depth, {0, 0});
+    return s.measured >= 12 &&
+           s.agree >= settings_.min_depth_support * static_cast<double>(s.measured);
+  }
+
   /// Moves the prediction of an object onto what `seen` shows of it, for use where depth cannot
   /// tell: else its parts that are merely predicted beside it would be taken for missing.
   /// O(search places x 300 points).
@@ -182,7 +203,7 @@ class ObjectLocator {
     return best;
   }
 
-  void align_by_depth(const DepthView& depth, RememberedObject& object) {
+  void set_probes(const DepthView& depth, const RememberedObject& object) {
     inside_.clear(), ring_.clear();
     for (const auto& point : object.inside()) {
       const auto p = object.predicted(point);
@@ -190,6 +211,10 @@ class ObjectLocator {
     }
     for (const auto& point : object.ring())
       ring_.push_back(make_probe(depth, object.predicted(point), object.predicted_depth_m()));
+  }
+
+  void align_by_depth(const DepthView& depth, RememberedObject& object) {
+    set_probes(depth, object);
     const cv::Point best =
         best_shift([&](const cv::Point& shift) { return support(depth, shift).score; });
     object.shift_prediction(best);

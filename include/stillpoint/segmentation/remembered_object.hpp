@@ -32,6 +32,8 @@ class RememberedObject {
     float x, y, z;
   };
 
+  /// Given by its owner; the same as long as the object is remembered.
+  int id = 0;
   std::string class_name;
   float score = 1;
   /// Timestamp of the last frame in which the segmenter showed it.
@@ -82,6 +84,9 @@ class RememberedObject {
     history_[places_++] = {place.x, place.y, timestamp};
   }
 
+  /// Forgets the history of places.
+  void forget_places() { places_ = 0; }
+
   /// Carries the object to `timestamp`: by the camera's motion (if known), then along its line.
   /// `max_speed_px_s` bounds the object's own motion.
   void predict(double timestamp, const Camera& camera,
@@ -117,6 +122,24 @@ class RememberedObject {
     affine_.col(2) += shift;
   }
 
+  /// Where it is predicted, to be put back there.
+  struct Place {
+    Eigen::Matrix<double, 2, 3, Eigen::DontAlign> affine;
+    float z;
+  };
+  Place place() const { return {affine_, predicted_z_}; }
+  void set_place(const Place& place) { affine_ = place.affine, predicted_z_ = place.z; }
+  /// Moves the prediction away from the camera (or towards it), which makes it smaller.
+  void shift_depth(float metres) {
+    if (!(predicted_z_ > 0)) return;
+    metres = std::max(metres, -0.5f * predicted_z_);
+    const double scale = predicted_z_ / (predicted_z_ + metres);
+    const Eigen::Vector2d center =
+        affine_.leftCols<2>() * Eigen::Vector2d(center_.x, center_.y) + affine_.col(2);
+    affine_ *= scale;
+    affine_.col(2) += (1 - scale) * center;
+    predicted_z_ += metres;
+  }
   /// Moves the prediction by whole pixels.
   void shift_prediction(const cv::Point& shift) {
     affine_(0, 2) += shift.x, affine_(1, 2) += shift.y;
@@ -178,6 +201,8 @@ class RememberedObject {
   const std::vector<Point>& ring() const { return ring_; }
   const TemplatePatch& patch() const { return patch_; }
   const cv::Rect& box() const { return box_; }
+  /// Centre of the pixels of inside().
+  const cv::Point2d& center() const { return center_; }
   float depth_m() const { return z_; }
   float predicted_depth_m() const { return predicted_z_; }
 

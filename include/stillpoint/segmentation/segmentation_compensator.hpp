@@ -68,7 +68,11 @@ class SegmentationCompensator {
     begin(frame, segmentation);
     for (RememberedObject& object : objects_)
       object.predict(frame.timestamp, camera_, T_current_last, max_speed_px(object, size));
-    if (segmentation.available) newest_result_s_ = frame.timestamp;
+    if (segmentation.available) {
+      newest_result_s_ = frame.timestamp - age_s_;
+      last_result_at_s_ = frame.timestamp;
+      late_ = age_s_ > 0;
+    }
     associate(size);
     const bool look = settings_.trigger == Settings::Trigger::kPerObject ||
                       !segmentation.available || area_dropped();
@@ -91,6 +95,7 @@ class SegmentationCompensator {
       if (owner_[i] >= 0) continue;
       owner_[i] = static_cast<int>(objects_.size());
       objects_.emplace_back();
+      objects_.back().id = next_id_++;
       objects_.back().seen_s = frame.timestamp;
     }
     for (std::size_t i = 0; i < owner_.size(); ++i) {
@@ -105,6 +110,8 @@ class SegmentationCompensator {
     forget_dead();
   }
 
+  /// The objects that are remembered, as they were in the last frame.
+  const std::vector<RememberedObject>& objects() const { return objects_; }
   /// How many objects the last mend() or compensate() restored, wholly or partly.
   int restored() const { return restored_; }
   /// Age of the newest result of the segmenter at the last frame, seconds; infinity before the
@@ -116,7 +123,8 @@ class SegmentationCompensator {
   /// Forgets everything (a cut in the sequence).
   void reset() {
     objects_.clear();
-    last_s_ = newest_result_s_ = -std::numeric_limits<double>::infinity();
+    last_s_ = newest_result_s_ = last_result_at_s_ = -std::numeric_limits<double>::infinity();
+    late_ = false;
     last_area_ = 0;
   }
 
@@ -143,7 +151,11 @@ class SegmentationCompensator {
     owner_.assign(given_, -1);
     instance_of_.assign(objects_.size(), -1);
     buffers_used_ = 0;
-    age_s_ = segmentation.available ? 0 : frame.timestamp - newest_result_s_;
+    // A result may be an earlier frame's, predicted forward (see ForwardPredictor).
+    age_s_ = frame.timestamp - newest_result_s_;
+    if (segmentation.available)
+      age_s_ =
+          segmentation.timestamp < frame.timestamp ? frame.timestamp - segmentation.timestamp : 0;
     if (!segmentation.available) status_ |= kNoSegmentation;
     if (!segmentation.available && std::isinf(age_s_)) status_ |= kNeverSegmented;
   }
@@ -190,7 +202,9 @@ class SegmentationCompensator {
     RememberedObject& object = objects_[j];
     const bool seen = instance_of_[j] >= 0;
     if (seen) object.seen_s = frame.timestamp;
-    const bool too_old = frame.timestamp - object.seen_s > settings_.max_prediction_s;
+    // A late segmenter gives few results: one that misses the object must not end it.
+    const double known_s = late_ ? std::max(object.seen_s, last_result_at_s_) : object.seen_s;
+    const bool too_old = frame.timestamp - known_s > settings_.max_prediction_s;
     if (!seen && too_old) {
       object.alive = false;
       status_ |= kMaskStale;
@@ -301,8 +315,11 @@ class SegmentationCompensator {
   std::size_t buffers_used_ = 0;
   double last_s_ = -std::numeric_limits<double>::infinity();
   double newest_result_s_ = -std::numeric_limits<double>::infinity();
+  double last_result_at_s_ = -std::numeric_limits<double>::infinity();
+  bool late_ = false;
   double age_s_ = std::numeric_limits<double>::infinity();
   double last_area_ = 0;
+  int next_id_ = 0;
   int restored_ = 0;
   std::uint32_t status_ = kOk;
 };

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #pragma once
 
+#include <string>
+#include <vector>
+
 #include "stillpoint/core/frame.hpp"
 #include "stillpoint/core/instance.hpp"
 
@@ -16,6 +19,9 @@ class Segmenter {
  public:
   virtual ~Segmenter() = default;
   virtual Segmentation segment(const RgbdFrame& frame) = 0;
+  /// Names of the classes that it can report; empty: not known. FrontEnd refuses a dynamic class
+  /// that is not among them.
+  virtual std::vector<std::string> classes() const { return {}; }
 };
 
 }  // namespace stillpoint

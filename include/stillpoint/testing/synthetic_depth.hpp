@@ -50,7 +50,7 @@ inline cv::Mat measure_depth(const cv::Mat& exact, const cv::Mat& hole_prone, co
   cv::Mat measured(exact.size(), CV_16UC1);
   const double scale = camera.fx / 525.0;  // patches and strips as large as in a 640 wide picture
   const double disparity = camera.fx * noise.baseline_m;
-  std::vector<std::uint8_t> shadow(static_cast<std::size_t>(std::max(0, exact.cols)));
+  cv::Mat shadow(1, exact.cols, CV_8UC1);
   for (int y = 0; y < exact.rows; ++y) {
     const float* z_row = exact.ptr<float>(y);
     // A point is lit when no point right of it hides it from the projector, which stands to the
@@ -59,7 +59,7 @@ inline cv::Mat measure_depth(const cv::Mat& exact, const cv::Mat& hole_prone, co
     for (int x = exact.cols - 1; x >= 0; --x) {
       const bool there = z_row[x] > 0;
       const double column = there ? x - disparity / static_cast<double>(z_row[x]) : x;
-      shadow[static_cast<std::size_t>(x)] = noise.shadows && column > nearest + 0.6 ? 1 : 0;
+      shadow.at<uchar>(x) = noise.shadows && column > nearest + 0.6 ? 1 : 0;
       if (there) nearest = std::min(nearest, column);
     }
     auto* out = measured.ptr<std::uint16_t>(y);
@@ -72,7 +72,7 @@ inline cv::Mat measure_depth(const cv::Mat& exact, const cv::Mat& hole_prone, co
       const int from_y = std::clamp(y + slip(bits >> 8), 0, exact.rows - 1);
       const double z = static_cast<double>(exact.at<float>(from_y, from_x));
       if (!(z > noise.nearest_m && z < noise.farthest_m)) continue;
-      if (shadow[static_cast<std::size_t>(x)] || (noise.shadows && x < 8 * scale)) continue;
+      if (shadow.at<uchar>(x) || (noise.shadows && x < 8 * scale)) continue;
       double share = noise.holes;
       if (!hole_prone.empty() && hole_prone.at<uchar>(y, x)) share = noise.holes_in_dark;
       // Grazing: depth changes fast from pixel to pixel.

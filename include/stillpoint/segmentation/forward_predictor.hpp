@@ -1,0 +1,343 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <deque>
+#include <opencv2/core.hpp>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "stillpoint/core/camera.hpp"
+#include "stillpoint/core/depth_view.hpp"
+#include "stillpoint/core/frame.hpp"
+#include "stillpoint/core/instance.hpp"
+#include "stillpoint/core/status.hpp"
+#include "stillpoint/segmentation/late_segmentation_settings.hpp"
+#include "stillpoint/segmentation/object_locator.hpp"
+#include "stillpoint/segmentation/remembered_object.hpp"
+#include "stillpoint/segmentation/segmentation_compensator_settings.hpp"
+
+namespace stillpoint {
+
+/// Carries the masks of a late segmentation forward, from its frame to the newest one: by the
+/// camera's motion since, by the motion that the tracked object had since, and onto the depth that
+/// is found there.
+///
+/// Per frame: forward(), then remember() with the objects that the compensator remembers. For a
+/// segmenter that is late it keeps copies of the depth pictures of the last max_age_s; one that
+/// gives each frame its result costs nothing. Not thread-safe.
+class ForwardPredictor {
+ public:
+  ForwardPredictor(const LateSegmentationSettings& settings,
+                   const SegmentationCompensatorSettings& compensation, const Camera& camera)
+      : settings_(settings), compensation_(compensation), camera_(camera), locator_(compensation) {
+    settings.check();
+  }
+
+  /// If `segmentation` is of an earlier frame, puts its instances where they must be in `frame`;
+  /// those that are not found there are left out. One that is too old becomes `available = false`.
+  /// `T_current_last` as in SegmentationCompensator::mend(). Masks stay valid until the next call.
+  /// O(pixels) for the copy of the depth, O(pixels of the boxes) for a late result.
+  void forward(const RgbdFrame& frame, const std::optional<Eigen::Isometry3d>& T_current_last,
+               Segmentation& segmentation) {
+    status_ = kOk, age_s_ = 0;
+    if (!corrected_) last_pose_.reset();  // lost in the last frame
+    corrected_ = false;
+    const bool late =
+        segmentation.available && segmentation.timestamp < frame.timestamp - kSameTimeS;
+    was_late_ = was_late_ || late;
+    // A frame without a result may get one later.
+    if (!was_late_ && segmentation.available) return recycle(0);
+    add(frame, T_current_last);
+    if (!late) return;
+    age_s_ = frame.timestamp - segmentation.timestamp;
+    const std::size_t then = index_of(segmentation.timestamp);
+    if (then == frames_.size() || age_s_ > settings_.max_age_s) {
+      segmentation.available = false;
+      segmentation.instances.clear();
+      status_ = kMaskStale;
+    } else if (settings_.predict) {
+      carry(frame, then, segmentation);
+    }
+  }
+
+  /// Takes note of where the compensator's objects were found in the frame of forward().
+  void remember(const std::vector<RememberedObject>& objects) {
+    if (frames_.empty()) return;
+    for (const RememberedObject& object : objects)
+      frames_.back().tracks.push_back({object.id, object.box(), object.center(), object.depth_m()});
+  }
+
+  /// Tells the pose that the host tracked for the frame of forward(): better than its prediction.
+  void correct(const Eigen::Isometry3d& T_world_camera) {
+    if (last_pose_ && !frames_.empty()) {
+      const Eigen::Isometry3d T = T_world_camera.inverse() * *last_pose_;
+      std::optional<Eigen::Isometry3d>& told = frames_.back().T_this_last;
+      // A host that closes a loop or finds itself again jumps; the camera does not.
+      const Eigen::Isometry3d jump = told ? T * told->inverse() : T;
+      if (jump.translation().norm() < 0.1 && Eigen::AngleAxisd(jump.linear()).angle() < 0.1)
+        told = T;
+    }
+    last_pose_ = T_world_camera;
+    corrected_ = true;
+  }
+
+  /// How much older than its frame the last segmentation was, seconds.
+  double age_s() const { return age_s_; }
+  /// kMaskStale if the last segmentation was too old, else kOk.
+  std::uint32_t status() const { return status_; }
+
+ private:
+  static constexpr double kSameTimeS = 1e-4;
+  static constexpr std::size_t kMostFrames = 128;
+
+  // An object's own way: in the picture, and away from the camera (metres).
+  struct Way {
+    cv::Point2d place;
+    float depth_m;
+  };
+  struct Track {
+    int id;
+    cv::Rect box;
+    cv::Point2d center;
+    float z;
+  };
+  struct Seen {
+    cv::Rect box;
+    cv::Point2d center;
+    float z;
+  };
+  struct Frame {
+    double timestamp = 0, units_per_m = 0;
+    std::optional<Eigen::Isometry3d> T_this_last;
+    cv::Mat depth;
+    std::vector<Track> tracks;
+  };
+
+  void add(const RgbdFrame& frame, const std::optional<Eigen::Isometry3d>& T_current_last) {
+    if (!frames_.empty() && frame.timestamp <= frames_.back().timestamp) recycle(0);
+    while (!frames_.empty() &&
+           frame.timestamp - frames_.front().timestamp > settings_.max_age_s + kSameTimeS)
+      recycle(frames_.size() - 1);
+    recycle(kMostFrames - 1);
+    Frame entry;
+    if (!spare_.empty()) {
+      entry = std::move(spare_.back());
+      spare_.pop_back();
+    }
+    entry.timestamp = frame.timestamp;
+    entry.units_per_m = frame.depth_units_per_m;
+    entry.T_this_last = T_current_last;
+    frame.depth.copyTo(entry.depth);
+    entry.tracks.clear();
+    frames_.push_back(std::move(entry));
+  }
+
+  // Forgets the oldest frames but the last `keep`; later frames take their memory.
+  void recycle(std::size_t keep) {
+    for (; frames_.size() > keep; frames_.pop_front()) spare_.push_back(std::move(frames_.front()));
+  }
+
+  void carry(const RgbdFrame& frame, std::size_t then, Segmentation& segmentation) {
+    RgbdFrame old;
+    old.color = frame.color;  // looked at only without depth
+    old.depth = frames_[then].depth;
+    old.depth_units_per_m = frames_[then].units_per_m;
+    const bool has_depth =
+        compensation_.use_depth && !frame.depth.empty() && old.depth.size() == frame.depth.size();
+    old_depth_.clear(), depth_.clear();
+    if (has_depth) old_depth_.set(old, camera_), depth_.set(frame, camera_);
+    const std::optional<Eigen::Isometry3d> T_now_then = motion_since(then);
+    if (masks_.size() < segmentation.instances.size()) masks_.resize(segmentation.instances.size());
+    std::size_t kept = 0;
+    seen_.clear();
+    for (Instance& instance : segmentation.instances)
+      if (carry_one(frame, old, then, T_now_then, masks_[kept], instance))
+        std::swap(segmentation.instances[kept++], instance);
+    segmentation.instances.resize(kept);
+    last_seen_s_ = frames_[then].timestamp;
+    std::swap(last_seen_, seen_);
+  }
+
+  // The frame of that time or, if the host left it out, the one before it.
+  std::size_t index_of(double timestamp) const {
+    for (std::size_t i = frames_.size(); i-- > 0;)
+      if (frames_[i].timestamp <= timestamp + kSameTimeS) return i;
+    return frames_.size();
+  }
+
+  std::optional<Eigen::Isometry3d> motion_since(std::size_t then) const {
+    return motion_between(then, frames_.size() - 1);
+  }
+
+  std::optional<Eigen::Isometry3d> motion_between(std::size_t first, std::size_t last) const {
+    Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+    for (std::size_t i = first + 1; i <= last; ++i) {
+      if (!frames_[i].T_this_last) return std::nullopt;
+      T = *frames_[i].T_this_last * T;
+    }
+    return T;
+  }
+
+  // Where a still point of an earlier frame is seen now.
+  cv::Point2d transfer(const cv::Point2d& p, float z,
+                       const std::optional<Eigen::Isometry3d>& T) const {
+    if (!T || !camera_.valid()) return p;
+    Eigen::Vector3d ray = T->linear() * camera_.unproject(p.x, p.y, 1);
+    if (z > 0) ray += T->translation() / z;
+    if (!(ray.z() > 0.05)) return p;
+    const Eigen::Vector2d q = camera_.project(ray);
+    return {q.x(), q.y()};
+  }
+
+  double depth_of(const cv::Point2d& p, float z, const std::optional<Eigen::Isometry3d>& T) const {
+    return T && camera_.valid() ? (*T * camera_.unproject(p.x, p.y, z)).z() : z;
+  }
+
+  // The object's own way in the picture since frame `then`, the camera's motion taken away: along
+  // its track up to the last frame, and on at the same speed.
+  std::optional<Way> tracked_motion(const Instance& instance, std::size_t then) const {
+    if (then + 2 > frames_.size()) return std::nullopt;
+    const Track* start = nullptr;
+    double best = 0.3;
+    for (const Track& track : frames_[then].tracks) {
+      const double both = (track.box & instance.box).area();
+      const double overlap = both / (track.box.area() + instance.box.area() - both);
+      if (overlap > best) best = overlap, start = &track;
+    }
+    if (!start) return std::nullopt;
+    for (std::size_t last = frames_.size() - 1; --last > then;)
+      for (const Track& track : frames_[last].tracks) {
+        if (track.id != start->id) continue;
+        const double seconds = frames_[last].timestamp - frames_[then].timestamp;
+        const double on = (frames_.back().timestamp - frames_[then].timestamp) / seconds;
+        const auto T_then = motion_since(then), T_last = motion_since(last);
+        const cv::Point2d from = transfer(start->center, start->z, T_then);
+        const cv::Point2d to = transfer(track.center, track.z, T_last);
+        const double nearer = start->z > 0 && track.z > 0
+                                  ? depth_of(track.center, track.z, T_last) -
+                                        depth_of(start->center, start->z, T_then)
+                                  : 0;
+        return Way{(to - from) * on, static_cast<float>(nearer * on)};
+      }
+    return std::nullopt;
+  }
+
+  // The same, at the speed from the last result to this one (the newest of seen_).
+  std::optional<Way> motion_between_results(std::size_t then) const {
+    const Seen& now = seen_.back();
+    const double since = frames_[then].timestamp - last_seen_s_;
+    const std::size_t before = index_of(last_seen_s_);
+    if (!(since > 0) || before >= then) return std::nullopt;
+    const std::optional<Eigen::Isometry3d> T = motion_between(before, then);
+    std::optional<Way> way;
+    double best = 0.3;
+    for (const Seen& old : last_seen_) {
+      const cv::Point2d still = transfer(old.center, old.z, T);
+      const cv::Point shift(static_cast<int>(still.x - old.center.x),
+                            static_cast<int>(still.y - old.center.y));
+      const double both = ((old.box + shift) & now.box).area();
+      const double overlap = both / (old.box.area() + now.box.area() - both);
+      if (overlap > best) best = overlap, way = Way{now.center - still, 0};
+    }
+    if (way) way->place *= (frames_.back().timestamp - frames_[then].timestamp) / since;
+    return way;
+  }
+
+  // In a bare box the object is in the middle columns.
+  Instance middle_of(const Instance& instance) {
+    Instance middle = instance;
+    central_.assign(static_cast<std::size_t>(instance.box.area()), 0);
+    middle.mask = cv::Mat(instance.box.size(), CV_8UC1, central_.data());
+    const int width = instance.box.width;
+    middle.mask.colRange(width * 5 / 16, std::max(width * 5 / 16 + 1, width * 11 / 16)).setTo(255);
+    return middle;
+  }
+
+  // Moves object_ from where it would be seen had it stood still to where it is; false if it is not
+  // there any more.
+  bool find(const RgbdFrame& frame, const Instance& instance, std::size_t then, bool can_look) {
+    // What depth followed is surer than the way between two results; without depth, it is not.
+    const std::optional<Way> tracked = tracked_motion(instance, then);
+    const std::optional<Way> between = motion_between_results(then);
+    if (!can_look) {
+      if (between || tracked) move(between ? *between : *tracked);
+      return true;
+    }
+    // A copy of the place, as a search that fails has moved it.
+    const RememberedObject::Place still = object_.place();
+    for (const std::optional<Way>& way : {tracked, between}) {
+      if (!way) continue;
+      object_.set_place(still);
+      move(*way);
+      if (locator_.locate(frame, depth_, object_)) return true;
+    }
+    const double px_per_m = depth_.focal_px() / object_.depth_m();
+    const double seconds = frames_.back().timestamp - frames_[then].timestamp;
+    const int reach =
+        static_cast<int>(std::min(200.0, compensation_.max_speed_m_s * px_per_m * seconds));
+    const float step =
+        static_cast<float>(std::min(0.5, 0.5 * compensation_.max_speed_m_s * seconds));
+    for (const float away : {0.0f, -step, step}) {
+      object_.set_place(still);
+      object_.shift_depth(away);
+      if (locator_.locate_far(depth_, std::max(reach, compensation_.search_px), object_))
+        return true;
+    }
+    return false;
+  }
+
+  void move(const Way& way) {
+    object_.shift_depth(way.depth_m);
+    object_.shift_prediction(
+        {static_cast<int>(std::lround(way.place.x)), static_cast<int>(std::lround(way.place.y))});
+  }
+
+  bool carry_one(const RgbdFrame& frame, const RgbdFrame& old, std::size_t then,
+                 const std::optional<Eigen::Isometry3d>& T_now_then, std::vector<uchar>& buffer,
+                 Instance& instance) {
+    object_.forget_places();
+    if (instance.mask.empty())
+      object_.observe(old, old_depth_, middle_of(instance), nullptr);
+    else
+      object_.observe(old, old_depth_, instance, nullptr);
+    object_.predict(frame.timestamp, camera_, T_now_then, 0);
+    const bool can_look = !depth_.empty() && object_.depth_m() > 0;
+    seen_.push_back({instance.box, object_.center(), object_.depth_m()});
+    if (!find(frame, instance, then, can_look)) return false;
+    const cv::Rect area = object_.predicted_box(frame.color.size());
+    if (area.empty()) return false;
+    if (can_look) instance.depth_m = object_.predicted_depth_m();
+    if (!instance.mask.empty()) {
+      buffer.assign(static_cast<std::size_t>(area.area()), 0);
+      instance.mask = cv::Mat(area.size(), CV_8UC1, buffer.data());
+      object_.draw_predicted(area, instance.mask);
+    }
+    instance.box = area;
+    return true;
+  }
+
+  LateSegmentationSettings settings_;
+  SegmentationCompensatorSettings compensation_;
+  Camera camera_;
+  ObjectLocator locator_;
+  std::deque<Frame> frames_;
+  std::vector<Frame> spare_;
+  std::optional<Eigen::Isometry3d> last_pose_;
+  RememberedObject object_;
+  DepthView old_depth_, depth_;
+  std::vector<std::vector<uchar>> masks_;
+  std::vector<uchar> central_;
+  std::vector<Seen> seen_, last_seen_;  // of this result, and of the one before
+  double last_seen_s_ = 0;
+  bool was_late_ = false, corrected_ = false;
+  double age_s_ = 0;
+  std::uint32_t status_ = kOk;
+};
+
+}  // namespace stillpoint
