@@ -165,7 +165,8 @@ TEST(Host, FloorIsHighUntilTheHostHasStarted) {
 }
 
 TEST(Host, PosesReachTheMotionCheck) {
-  // Nobody is segmented; somebody walks through space that was seen to be free.
+  // Nobody is segmented; somebody walks through space that was seen to be free. Nothing in the
+  // pictures tells the camera's motion, so only the host's poses can.
   HostSettings settings = no_floor();
   settings.use_motion = true;
   HostFrontEnd host(kScene.camera(), settings), not_told(kScene.camera(), settings);
@@ -177,7 +178,8 @@ TEST(Host, PosesReachTheMotionCheck) {
     const double t = kStart_s + i / 30.0;
     Figure person = kPerson;
     person.box.x += 8 * i;
-    const RgbdFrame frame = kScene.frame(t, {person});
+    RgbdFrame frame = kScene.frame(t, {person});
+    frame.color.setTo(cv::Scalar::all(90));
     host.compute_mask(frame, Segmentation());
     not_told.compute_mask(frame, Segmentation());
     const cv::Mat expected =

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <deque>
+#include <iterator>
 #include <opencv2/core.hpp>
 #include <optional>
 #include <utility>
@@ -140,7 +140,10 @@ class ForwardPredictor {
 
   // Forgets the oldest frames but the last `keep`; later frames take their memory.
   void recycle(std::size_t keep) {
-    for (; frames_.size() > keep; frames_.pop_front()) spare_.push_back(std::move(frames_.front()));
+    if (frames_.size() <= keep) return;
+    const auto end = frames_.end() - static_cast<std::ptrdiff_t>(keep);
+    std::move(frames_.begin(), end, std::back_inserter(spare_));
+    frames_.erase(frames_.begin(), end);
   }
 
   void carry(const RgbdFrame& frame, std::size_t then, Segmentation& segmentation) {
@@ -326,7 +329,7 @@ class ForwardPredictor {
   SegmentationCompensatorSettings compensation_;
   Camera camera_;
   ObjectLocator locator_;
-  std::deque<Frame> frames_;
+  std::vector<Frame> frames_;
   std::vector<Frame> spare_;
   std::optional<Eigen::Isometry3d> last_pose_;
   RememberedObject object_;
