@@ -43,16 +43,19 @@ class Player {
     index_ = at < n ? at : period - at;
     frame_ = scene_.frames[index_];
     frame_.timestamp = 1.3e9 + static_cast<double>(step_) / 30;
+    segmentation_ = scene_.segmentations[index_];
+    segmentation_.timestamp = frame_.timestamp;
     return frame_;
   }
   std::size_t index() const { return index_; }
-  const Segmentation& segmentation() const { return scene_.segmentations[index_]; }
+  const Segmentation& segmentation() const { return segmentation_; }
   const std::vector<cv::KeyPoint>& keypoints() const { return scene_.keypoints[index_]; }
 
  private:
   const Scene& scene_;
   std::size_t step_ = 0, index_ = 0;
   RgbdFrame frame_;
+  Segmentation segmentation_;
 };
 
 /// CPU seconds of one extraction of 3000 ORB keypoints in the rendered scene, the mean of 16; for

@@ -176,18 +176,17 @@ class BasicFrontEnd {
 
   /// The dynamic mask of the last frame.
   const DynamicMask& mask() const { return mask_; }
-  /// Union of the segmenter's own masks of dynamic classes, H x W, CV_8UC1, 255 = dynamic.
-  /// O(pixels); for evaluation and pictures.
-  cv::Mat raw_mask() const {
-    cv::Mat raw = cv::Mat::zeros(mask_.image.size(), CV_8UC1);
-    for (const Instance& s : raw_instances_) {
-      cv::Mat part = raw(s.box);
-      if (s.mask.empty())
-        part.setTo(255);
-      else
-        part.setTo(255, s.mask);
-    }
-    return raw;
+  // The mask on its way, for evaluation and pictures: unions of masks, H x W, CV_8UC1, 255 =
+  // dynamic. O(pixels).
+  /// The segmenter's own, of dynamic classes.
+  cv::Mat raw_mask() const { return union_of(raw_instances_); }
+  /// What the motion check found.
+  cv::Mat movers_mask() const {
+    return union_of(settings_.use_motion ? motion_.found() : std::vector<Instance>());
+  }
+  /// Both, mended by the compensation.
+  cv::Mat mended_mask() const {
+    return union_of((settings_.use_compensation ? compensator_.mended() : dynamic_).instances);
   }
   /// The mask after compensation and depth fusion, before dilation.
   const cv::Mat& undilated_mask() const { return fuser_.undilated(); }
@@ -201,6 +200,18 @@ class BasicFrontEnd {
 
   static double milliseconds_since(Clock::time_point start) {
     return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
+  }
+
+  cv::Mat union_of(const std::vector<Instance>& instances) const {
+    cv::Mat all = cv::Mat::zeros(mask_.image.size(), CV_8UC1);
+    for (const Instance& s : instances) {
+      cv::Mat part = all(s.box);
+      if (s.mask.empty())
+        part.setTo(255);
+      else
+        part.setTo(255, s.mask);
+    }
+    return all;
   }
 
   void process(const RgbdFrame& frame, const Segmentation& segmentation,

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cmath>
+#include <cstddef>
 #include <cstdint>
 #include <opencv2/core.hpp>
 
@@ -47,6 +48,8 @@ class DepthView {
   bool empty() const { return image_.empty(); }
 
   const std::uint16_t* row(int y) const { return image_.ptr<std::uint16_t>(y); }
+  /// From a row to the next, in pixels.
+  std::size_t stride() const { return image_.step1(); }
   cv::Size size() const { return image_.size(); }
   float metres_per_unit_value() const { return metres_per_unit_; }
   float to_m(std::uint16_t units) const { return units * metres_per_unit_; }

@@ -75,7 +75,6 @@ class InstanceRegion {
     out.mask = cv::Mat(area_.size(), CV_8UC1, buffer.data());
     if (connected) {
       write_pixels(depth, instance, out.mask);
-      claim_unmeasured_rim(depth, out.mask);
       return;
     }
     const bool in_box =
@@ -98,26 +97,63 @@ class InstanceRegion {
     }
   }
 
+  // Rows are worked on in parts of kRowPart pixels, the last one overlapping the one before.
+  enum class Part : std::uint8_t { kOutside, kMixed, kInside };
+
+  std::size_t part_count() const {
+    const std::size_t w = static_cast<std::size_t>(area_.width);
+    return w <= detail::kRowPart ? 1 : (w + detail::kRowPart - 1) / detail::kRowPart;
+  }
+  std::size_t part_begin(std::size_t part) const {
+    const std::size_t w = static_cast<std::size_t>(area_.width);
+    return w <= detail::kRowPart ? 0 : std::min(part * detail::kRowPart, w - detail::kRowPart);
+  }
+
+  // Each cell's pixels in the range of depths around it; what has no depth stays as the segmenter
+  // said, and what the camera did not measure right beside the object is its, too: at outlines it
+  // measures nothing.
   void write_pixels(const DepthView& depth, const Instance& instance, cv::Mat& out) {
     const int cell = settings_.cell_px;
     const cv::Rect used = cells_.used();
     const std::size_t cells = static_cast<std::size_t>(used.width);
-    const std::size_t columns = cells * static_cast<std::size_t>(cell);
+    const std::size_t columns = cells * static_cast<std::size_t>(cell), parts = part_count();
     for (auto* v : {&cell_lo_, &cell_span_})
       if (v->size() < cells) v->resize(cells);
     for (auto* v : {&lo_, &span_})
       if (v->size() < columns) v->resize(columns);
+    detail::refill(mask_row_, static_cast<std::size_t>(area_.width), uchar{0});
+    kinds_.resize(parts);
+    detail::refill(unmeasured_, parts * static_cast<std::size_t>(area_.height), std::uint8_t{0});
     for (int cy = 0; cy < used.height; ++cy) {
       const cv::Range range = cells_.set_ranges(depth, cy, cell_lo_.data(), cell_span_.data());
-      for (int cx = range.start; cx < range.end; ++cx) {
+      for (int cx = 0; cx < used.width; ++cx) {
         fill_cell(cell_lo_[static_cast<std::size_t>(cx)], lo_.data() + cx * cell);
         fill_cell(cell_span_[static_cast<std::size_t>(cx)], span_.data() + cx * cell);
       }
-      const cv::Range pixels(std::min(range.start * cell, area_.width),
-                             std::min(range.end * cell, area_.width));
+      set_kinds(range);
       const int y_end = std::min((cy + 1) * cell, area_.height);
-      for (int y = cy * cell; y < y_end; ++y)
-        write_row(depth, instance, y, pixels, out.ptr<uchar>(y));
+      for (int y = cy * cell; y < y_end; ++y) write_row(depth, instance, y, out.ptr<uchar>(y));
+    }
+    claim_unmeasured_rim(depth, out);
+  }
+
+  // Of the parts of a row of cells, of which those in `range` have a range of depths.
+  void set_kinds(const cv::Range& range) {
+    const std::size_t cell = static_cast<std::size_t>(settings_.cell_px);
+    for (std::size_t k = 0; k < kinds_.size(); ++k) {
+      const std::size_t begin = part_begin(k);
+      const std::size_t end =
+          std::min(begin + detail::kRowPart, static_cast<std::size_t>(area_.width));
+      const int first = static_cast<int>(begin / cell), last = static_cast<int>((end - 1) / cell);
+      kinds_[k] = Part::kMixed;
+      if (last < range.start || first >= range.end) {
+        kinds_[k] = Part::kOutside;
+      } else {
+        std::uint16_t least = RegionCells::kInner;
+        for (int cx = first; cx <= last; ++cx)
+          least = std::min(least, cell_span_[static_cast<std::size_t>(cx)]);
+        if (least == RegionCells::kInner) kinds_[k] = Part::kInside;
+      }
     }
   }
 
@@ -128,91 +164,81 @@ class InstanceRegion {
     for (; i < settings_.cell_px; ++i) to[i] = value;
   }
 
-  // Only the columns `pixels` can hold depths of the region.
-  void write_row(const DepthView& depth, const Instance& instance, int y, const cv::Range& pixels,
-                 uchar* to) const {
+  void write_row(const DepthView& depth, const Instance& instance, int y, uchar* to) {
     const std::uint16_t* z = depth.row(area_.y + y) + area_.x;
-    std::memset(to, 0, static_cast<std::size_t>(area_.width));
-    if (pixels.size() > 0) {
-      const std::size_t first = static_cast<std::size_t>(pixels.start);
-      detail::in_parts(static_cast<std::size_t>(pixels.size()), [&](std::size_t i, std::size_t n) {
-        const std::size_t at = first + i;
-        select_range(z + at, lo_.data() + at, span_.data() + at, n, to + at);
-      });
-    }
-    // What has no depth stays as the segmenter said.
     const int in_box = area_.y + y - instance.box.y;
-    if (instance.mask.empty() || in_box < 0 || in_box >= instance.box.height) return;
-    const std::size_t at = static_cast<std::size_t>(instance.box.x - area_.x);
-    const uchar* mask = instance.mask.ptr<uchar>(in_box);
-    detail::in_parts(static_cast<std::size_t>(instance.box.width),
-                     [&](std::size_t i, std::size_t n) {
-                       keep_unmeasured(z + at + i, mask + i, n, to + at + i);
-                     });
+    const std::size_t left = static_cast<std::size_t>(instance.box.x - area_.x);
+    const std::size_t width = static_cast<std::size_t>(instance.box.width);
+    if (!instance.mask.empty() && in_box >= 0 && in_box < instance.box.height)
+      std::memcpy(mask_row_.data() + left, instance.mask.ptr<uchar>(in_box), width);
+    else
+      std::memset(mask_row_.data() + left, 0, width);
+    std::uint8_t* unmeasured = unmeasured_.data() + static_cast<std::size_t>(y) * kinds_.size();
+    for (std::size_t k = 0; k < kinds_.size(); ++k) {
+      const std::size_t at = part_begin(k);
+      const std::size_t n = std::min(detail::kRowPart, static_cast<std::size_t>(area_.width) - at);
+      if (kinds_[k] == Part::kInside)
+        std::memset(to + at, 255, n);
+      else if (n == detail::kRowPart)
+        unmeasured[k] = write_part(z + at, lo_.data() + at, span_.data() + at,
+                                   mask_row_.data() + at, detail::kRowPart, to + at);
+      else
+        unmeasured[k] = write_part(z + at, lo_.data() + at, span_.data() + at,
+                                   mask_row_.data() + at, n, to + at);
+    }
   }
 
-  static void select_range(const std::uint16_t* STILLPOINT_RESTRICT z,
-                           const std::uint16_t* STILLPOINT_RESTRICT lo,
-                           const std::uint16_t* STILLPOINT_RESTRICT span, std::size_t n,
-                           uchar* STILLPOINT_RESTRICT to) {
+  // Not 0 if there are pixels without depth.
+  static std::uint8_t write_part(const std::uint16_t* STILLPOINT_RESTRICT z,
+                                 const std::uint16_t* STILLPOINT_RESTRICT lo,
+                                 const std::uint16_t* STILLPOINT_RESTRICT span,
+                                 const uchar* STILLPOINT_RESTRICT mask, std::size_t n,
+                                 uchar* STILLPOINT_RESTRICT to) {
+    uchar any = 0;
     for (std::size_t x = 0; x < n; ++x) {
       const std::uint16_t offset = static_cast<std::uint16_t>(z[x] - lo[x]);
-      to[x] = offset <= span[x] ? 255 : 0;
+      const uchar in_range = offset <= span[x] ? 255 : 0, unmeasured = z[x] == 0 ? 255 : 0;
+      to[x] = static_cast<uchar>(in_range | (unmeasured & mask[x]));
+      any = static_cast<uchar>(any | unmeasured);
     }
+    return any;
   }
 
-  static void keep_unmeasured(const std::uint16_t* STILLPOINT_RESTRICT z,
-                              const uchar* STILLPOINT_RESTRICT mask, std::size_t n,
-                              uchar* STILLPOINT_RESTRICT to) {
-    for (std::size_t x = 0; x < n; ++x) {
-      const uchar unmeasured = z[x] == 0 ? 255 : 0;
-      to[x] = static_cast<uchar>(to[x] | (unmeasured & mask[x]));
-    }
-  }
-
-  // The camera measures nothing right at an object's outline: such a pixel beside the object is
-  // its.
   void claim_unmeasured_rim(const DepthView& depth, cv::Mat& out) {
-    const std::size_t w = static_cast<std::size_t>(out.cols);
-    for (auto& row : rim_rows_) detail::refill(row, w, uchar{0});
-    // Rows are widened before they are written: the rim does not grow on itself.
-    widen_row(out.ptr<uchar>(0), w, rim_rows_[1].data());
+    // Rows as they were, with a pixel more on both sides: the rim does not grow on itself.
+    const std::size_t w = static_cast<std::size_t>(out.cols), parts = kinds_.size();
+    for (auto& row : rim_rows_) detail::refill(row, w + 2, uchar{0});
+    std::memcpy(rim_rows_[1].data() + 1, out.ptr<uchar>(0), w);
     for (int y = 0; y < out.rows; ++y) {
       if (y + 1 < out.rows)
-        widen_row(out.ptr<uchar>(y + 1), w, rim_rows_[2].data());
+        std::memcpy(rim_rows_[2].data() + 1, out.ptr<uchar>(y + 1), w);
       else
-        std::fill(rim_rows_[2].begin(), rim_rows_[2].end(), uchar{0});
+        std::memset(rim_rows_[2].data(), 0, w + 2);
       const std::uint16_t* z = depth.row(area_.y + y) + area_.x;
       uchar* to = out.ptr<uchar>(y);
-      detail::in_parts(w, [&](std::size_t i, std::size_t n) {
-        claim_part(z + i, rim_rows_[0].data() + i, rim_rows_[1].data() + i, rim_rows_[2].data() + i,
-                   n, to + i);
-      });
+      const std::uint8_t* unmeasured = unmeasured_.data() + static_cast<std::size_t>(y) * parts;
+      for (std::size_t k = 0; k < parts; ++k) {
+        if (!unmeasured[k]) continue;
+        const std::size_t at = part_begin(k), n = std::min(detail::kRowPart, w - at);
+        claim_part(z + at, rim_rows_[0].data() + at, rim_rows_[1].data() + at,
+                   rim_rows_[2].data() + at, n, to + at);
+      }
       std::swap(rim_rows_[0], rim_rows_[1]);
       std::swap(rim_rows_[1], rim_rows_[2]);
     }
   }
 
-  static void widen_row(const uchar* in, std::size_t n, uchar* to) {
-    to[0] = static_cast<uchar>(in[0] | (n > 1 ? in[1] : 0));
-    if (n > 2)
-      detail::in_parts(
-          n - 2, [=](std::size_t i, std::size_t part) { widen_part(in + i, part, to + i + 1); });
-    if (n > 1) to[n - 1] = static_cast<uchar>(in[n - 2] | in[n - 1]);
-  }
-
-  static void widen_part(const uchar* STILLPOINT_RESTRICT in, std::size_t n,
-                         uchar* STILLPOINT_RESTRICT to) {
-    for (std::size_t x = 0; x < n; ++x) to[x] = static_cast<uchar>(in[x] | in[x + 1] | in[x + 2]);
-  }
-
+  // Row a is above, b the pixels' own, c below; each begins a pixel before z.
   static void claim_part(const std::uint16_t* STILLPOINT_RESTRICT z,
                          const uchar* STILLPOINT_RESTRICT a, const uchar* STILLPOINT_RESTRICT b,
                          const uchar* STILLPOINT_RESTRICT c, std::size_t n,
                          uchar* STILLPOINT_RESTRICT to) {
+    uchar column[detail::kRowPart + 2];
+    for (std::size_t x = 0; x < n + 2; ++x) column[x] = static_cast<uchar>(a[x] | b[x] | c[x]);
     for (std::size_t x = 0; x < n; ++x) {
       const uchar unmeasured = z[x] == 0 ? 255 : 0;
-      to[x] = static_cast<uchar>(to[x] | (unmeasured & (a[x] | b[x] | c[x])));
+      to[x] =
+          static_cast<uchar>(to[x] | (unmeasured & (column[x] | column[x + 1] | column[x + 2])));
     }
   }
 
@@ -225,6 +251,9 @@ class InstanceRegion {
   DepthRange range_;
   cv::Rect area_;  // the pixels that are written
   std::vector<std::uint16_t> cell_lo_, cell_span_, lo_, span_;
+  std::vector<uchar> mask_row_;
+  std::vector<Part> kinds_;               // of the row of cells being written
+  std::vector<std::uint8_t> unmeasured_;  // per row and part
   std::array<std::vector<uchar>, 3> rim_rows_;
 };
 

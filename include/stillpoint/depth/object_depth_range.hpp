@@ -87,24 +87,51 @@ class ObjectDepthRange {
     const bool bare = instance.mask.empty();
     const std::size_t n = static_cast<std::size_t>(cells.area());
     if (samples_.size() < n) samples_.resize(n);
-    std::uint16_t* sample = samples_.data();
     int on_mask = 0, measured = 0;
+    std::uint16_t* sample = samples_.data();
+    const int cell = samples.cell_px();
+    for (int cy = cells.y; cy < cells.y + cells.height; ++cy) {
+      const auto take = [&](int cx) {
+        const cv::Point p = samples.place(cx, cy, depth.size());
+        const bool on =
+            box.contains(p) && (bare || instance.mask.ptr<uchar>(p.y - box.y)[p.x - box.x] != 0);
+        on_mask += on;
+        *sample++ = on ? depth.row(p.y)[p.x] : std::uint16_t{0};
+      };
+      // Cells that lie whole in the box need no questions, and whether their samples are on the
+      // mask, hard to foresee, no branch.
+      const bool whole_row = cy * cell >= box.y && (cy + 1) * cell <= box.y + box.height && !bare;
+      const int first = whole_row ? (box.x + cell - 1) / cell : cells.x + cells.width;
+      const int end = std::max(first, (box.x + box.width) / cell);
+      int cx = cells.x;
+      for (; cx < std::min(first, cells.x + cells.width); ++cx) take(cx);
+      if (!whole_row) continue;
+      const std::uint16_t* z = depth.row(cy * cell);
+      const uchar* mask = instance.mask.ptr<uchar>(cy * cell - box.y);
+      const std::size_t z_stride = depth.stride(), mask_stride = instance.mask.step;
+      for (; cx < end; ++cx) {
+        const cv::Point offset = samples.offset(cx, cy);
+        const std::size_t x = static_cast<std::size_t>(cx * cell + offset.x);
+        const std::size_t y = static_cast<std::size_t>(offset.y);
+        const int on = mask[y * mask_stride + x - static_cast<std::size_t>(box.x)] != 0;
+        on_mask += on;
+        *sample++ = static_cast<std::uint16_t>(z[y * z_stride + x] & -on);
+      }
+      for (; cx < cells.x + cells.width; ++cx) take(cx);
+    }
+    sample = samples_.data();
     for (int cy = cells.y; cy < cells.y + cells.height; ++cy)
       for (int cx = cells.x; cx < cells.x + cells.width; ++cx, ++sample) {
-        const cv::Point p = samples.place(cx, cy, depth.size());
-        *sample = 0;
-        if (!box.contains(p)) continue;
-        if (!bare && instance.mask.ptr<uchar>(p.y - box.y)[p.x - box.x] == 0) continue;
-        ++on_mask;
-        const std::uint16_t z = depth.row(p.y)[p.x];
-        if (z == 0) continue;
-        *sample = z;
+        if (*sample == 0) continue;
         ++measured;
         // In a bare box the person is in the middle columns.
-        const bool central = bare && 8 * std::abs(2 * (p.x - box.x) - box.width) < 3 * box.width;
-        const int weight = central ? 4 : 1;
+        int weight = 1;
+        if (bare) {
+          const int x = samples.place(cx, cy, depth.size()).x - box.x;
+          if (8 * std::abs(2 * x - box.width) < 3 * box.width) weight = 4;
+        }
         total_ += weight;
-        const int bin = std::min(kBins - 1, static_cast<int>(z * to_bin));
+        const int bin = std::min(kBins - 1, static_cast<int>(*sample * to_bin));
         histogram_[static_cast<std::size_t>(bin)] += weight;
       }
     return measured >= 6 && measured * 5 >= on_mask;

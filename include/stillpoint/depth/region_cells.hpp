@@ -57,8 +57,9 @@ class RegionCells {
 
   /// Sets the range of depths of each cell's pixels in a row of used(): what the samples of the
   /// cell and of its eight neighbors in the region took, with some slack. `lo` and `span` get one
-  /// number per cell, in units; a cell without any takes a range that no depth has. Returns the
-  /// first cell with a range and the one after the last; ask for rows in order. O(cells).
+  /// number per cell, in units; a cell without any gets span 0, one whose neighbors all are in the
+  /// region gets kInner: all of its pixels are the object's. Returns the first cell with a range
+  /// and the one after the last; ask for rows in order. O(cells).
   cv::Range set_ranges(const DepthView& depth, int row, std::uint16_t* lo, std::uint16_t* span) {
     const int y = used_.y + row;
     if (row_ != row - 1) {
@@ -68,7 +69,8 @@ class RegionCells {
     row_ = row;
     const std::size_t n = static_cast<std::size_t>(used_.width);
     merge_rows(low_rows_[0].data(), low_rows_[1].data(), low_rows_[2].data(), high_rows_[0].data(),
-               high_rows_[1].data(), high_rows_[2].data(), n + 2, low_.data(), high_.data());
+               high_rows_[1].data(), high_rows_[2].data(), n + 2, low_.data(), high_.data(),
+               least_.data());
     int first = used_.width, last = 0;
     for (int x = 0; x < used_.width; ++x) {
       const std::size_t i = static_cast<std::size_t>(x);
@@ -77,14 +79,21 @@ class RegionCells {
       lo[i] = 1, span[i] = 0;
       if (!(high > 0)) continue;
       first = std::min(first, x), last = x + 1;
+      if (std::min({least_[i], least_[i + 1], least_[i + 2]}) > 0) {
+        span[i] = kInner;
+        continue;
+      }
       const float low = std::min({low_[i], low_[i + 1], low_[i + 2]});
       const float slack = 0.03f + 0.01f * low;
       const int from = std::max(1, depth.first_units(low - slack));
       const int to = std::max(from, depth.last_units(high + slack));
-      lo[i] = static_cast<std::uint16_t>(from), span[i] = static_cast<std::uint16_t>(to - from);
+      lo[i] = static_cast<std::uint16_t>(from);
+      span[i] = static_cast<std::uint16_t>(std::min(to - from, kInner - 1));
     }
     return {std::min(first, last), last};
   }
+
+  static constexpr std::uint16_t kInner = 65535;
 
  private:
   static constexpr std::uint8_t kUnknown = 0, kOutside = 1, kOpen = 2, kRegion = 3;
@@ -214,7 +223,7 @@ class RegionCells {
     std::swap(low_rows_[0], low_rows_[1]), std::swap(low_rows_[1], low_rows_[2]);
     std::swap(high_rows_[0], high_rows_[1]), std::swap(high_rows_[1], high_rows_[2]);
     const std::size_t n = static_cast<std::size_t>(used_.width) + 2, i = index(used_.x - 1, y);
-    for (auto* v : {&low_rows_[2], &high_rows_[2], &low_, &high_})
+    for (auto* v : {&low_rows_[2], &high_rows_[2], &low_, &high_, &least_})
       if (v->size() < n) v->resize(n);
     split_row(z_.data() + i, state_.data() + i, n, low_rows_[2].data(), high_rows_[2].data());
   }
@@ -232,11 +241,13 @@ class RegionCells {
                          const float* STILLPOINT_RESTRICT c, const float* STILLPOINT_RESTRICT d,
                          const float* STILLPOINT_RESTRICT e, const float* STILLPOINT_RESTRICT f,
                          std::size_t n, float* STILLPOINT_RESTRICT low,
-                         float* STILLPOINT_RESTRICT high) {
+                         float* STILLPOINT_RESTRICT high, float* STILLPOINT_RESTRICT least) {
     for (std::size_t x = 0; x < n; ++x) {
       const float ab = a[x] < b[x] ? a[x] : b[x], de = d[x] > e[x] ? d[x] : e[x];
       low[x] = ab < c[x] ? ab : c[x];
       high[x] = de > f[x] ? de : f[x];
+      const float less = d[x] < e[x] ? d[x] : e[x];
+      least[x] = less < f[x] ? less : f[x];
     }
   }
 
@@ -247,7 +258,7 @@ class RegionCells {
   std::vector<std::uint8_t> state_, border_;
   std::vector<Visit> queue_;
   std::array<std::vector<float>, 3> low_rows_, high_rows_;
-  std::vector<float> low_, high_;
+  std::vector<float> low_, high_, least_;
   int row_ = -2;
 };
 

@@ -30,6 +30,12 @@ class StratifiedSamples {
             std::min(cell_y * cell_px_ + p.y, size.height - 1)};
   }
 
+  /// Where in its cell the sample lies, pixels.
+  cv::Point offset(int cell_x, int cell_y) const {
+    const Place& p = places_[static_cast<unsigned>(cell_y * 61 + cell_x) % kTable];
+    return {p.x, p.y};
+  }
+
   /// The cells that a rectangle of pixels touches.
   cv::Rect cells_of(const cv::Rect& r) const {
     const int x0 = r.x / cell_px_, y0 = r.y / cell_px_;

@@ -83,7 +83,7 @@ class CameraMotion {
       const double improved = improve(*T);
       if (improved > s) best = *T, s = improved;
     }
-    for (int i = 0; i < 3; ++i) s = improve(best);
+    s = improve(best, 6);
     if (s < kMinSupport) return std::nullopt;
     last_motion_ = best;
     usual_support_ += (s - usual_support_) * (s > usual_support_ ? 0.5 : 0.1);
@@ -138,10 +138,11 @@ class CameraMotion {
   static constexpr std::size_t kMinFlows = 20;
   static constexpr int kHypotheses = 100;
   static constexpr float kMaxErrorPx = 0.8f;  // of the whole picture's
+  static constexpr double kTinyStep = 1e-5;
   static constexpr double kMinSupport = 0.3, kPromising = 0.5, kUsual = 0.95;
   static constexpr int kNearPx = 8, kFarPx = 16;  // the patch on the half and the quarter picture
   static constexpr int kBlock = 5;                // quarter pixels; one corner each
-  static constexpr int kRadius = 4;               // of the patch
+  static constexpr int kRadius = 4, kSide = 8;    // of the patch: -4 to +3
   static constexpr int kRim = kRadius + 2;
 
   // x, y: half pixels; depth in metres.
@@ -159,6 +160,7 @@ class CameraMotion {
 
   struct Picture {
     cv::Mat gray, half, quarter, score;
+    cv::Mat fine_half, fine_quarter;  // CV_32FC1: read many times
     std::vector<Corner> corners;
     float fx = 1, fy = 1, cx = 0, cy = 0;
     bool empty = true;
@@ -175,6 +177,8 @@ class CameraMotion {
         gray = frame.color;
       cv::resize(gray, half, {gray.cols / 2, gray.rows / 2}, 0, 0, cv::INTER_AREA);
       cv::resize(half, quarter, {half.cols / 2, half.rows / 2}, 0, 0, cv::INTER_AREA);
+      half.convertTo(fine_half, CV_32F);
+      quarter.convertTo(fine_quarter, CV_32F);
       cv::cornerMinEigenVal(quarter, score, 3);
       fx = view.focal_px(), fy = view.focal_y_px(), cx = view.center_x(), cy = view.center_y();
       for (int y0 = kRim; y0 + kBlock + kRim <= quarter.rows; y0 += kBlock)
@@ -263,41 +267,72 @@ class CameraMotion {
     if (q.z() < 0.2f) return;
     float du = current_.fx * q.x() / q.z() + current_.cx - u0;
     float dv = current_.fy * q.y() / q.z() + current_.cy - v0;
-    if (!shift(last_.quarter, current_.quarter, c.x / 2, c.y / 2, 4, du, dv)) return;
-    if (!shift(last_.half, current_.half, c.x, c.y, 2, du, dv)) return;
+    if (!shift(last_.fine_quarter, current_.fine_quarter, c.x / 2, c.y / 2, 4, 0.1f, du, dv))
+      return;
+    if (!shift(last_.fine_half, current_.fine_half, c.x, c.y, 2, 0.02f, du, dv)) return;
     f.u = u0 + du, f.v = v0 + dv;
     f.area = std::min(c.depth_m, 4.0f) * std::min(c.depth_m, 4.0f);
-    f.depth_m =
-        whole_depth(depth, static_cast<int>(f.u + 0.5f), static_cast<int>(f.v + 0.5f), kNearPx);
-    f.whole =
-        whole_depth(depth, static_cast<int>(f.u + 0.5f), static_cast<int>(f.v + 0.5f), kFarPx) > 0;
+    const int u = static_cast<int>(f.u + 0.5f), v = static_cast<int>(f.v + 0.5f);
+    f.depth_m = whole_depth(depth, u, v, kFarPx);
+    f.whole = f.depth_m > 0;
+    if (!f.whole) f.depth_m = whole_depth(depth, u, v, kNearPx);
     flows_.push_back(f);
   }
 
+  // A template of Lucas and Kanade, row by row. Sums are kept per column until the end.
+  struct Patch {
+    using Row = Eigen::Array<float, kSide, 1>;
+    std::array<Row, kSide> gx, gy, value;
+
+    static Row row(const float* first) { return Eigen::Map<const Row>(first); }
+
+    void set(const float* first, std::size_t stride) {
+      for (std::size_t v = 0; v < kSide; ++v, first += stride) {
+        gx[v] = 0.5f * (row(first + 1) - row(first - 1));
+        gy[v] = 0.5f * (row(first + stride) - row(first - stride));
+        value[v] = row(first);
+      }
+    }
+
+    // Of the shift in x and y and the brightness.
+    Eigen::Matrix3f information() const {
+      Row xx = Row::Zero(), xy = xx, yy = xx, x = xx, y = xx;
+      for (std::size_t v = 0; v < kSide; ++v) {
+        xx += gx[v] * gx[v], xy += gx[v] * gy[v], yy += gy[v] * gy[v];
+        x += gx[v], y += gy[v];
+      }
+      Eigen::Matrix3f H;
+      H << xx.sum(), xy.sum(), x.sum(), xy.sum(), yy.sum(), y.sum(), x.sum(), y.sum(),
+          kSide * kSide;
+      return H;
+    }
+
+    // Sums of the residuals times the slopes in x and y, of the residuals and of their squares,
+    // where the patch begins at `first` and a part (a, b) of a pixel.
+    Eigen::Vector4f compare(const float* first, std::size_t stride, float a, float b,
+                            float bias) const {
+      const float w00 = (1 - a) * (1 - b), w01 = a * (1 - b), w10 = (1 - a) * b, w11 = a * b;
+      Row x = Row::Zero(), y = x, one = x, squares = x;
+      for (std::size_t v = 0; v < kSide; ++v, first += stride) {
+        const Row r = w00 * row(first) + w01 * row(first + 1) + w10 * row(first + stride) +
+                      w11 * row(first + stride + 1) - value[v] - bias;
+        x += r * gx[v], y += r * gy[v], one += r, squares += r * r;
+      }
+      return {x.sum(), y.sum(), one.sum(), squares.sum()};
+    }
+  };
+
   // Follows a patch from (x, y) of `from` into `to`, smaller by `scale` than the whole picture: du
   // and dv, in pixels of the whole one, are the guess and become what is found (Lucas and Kanade
-  // with the slopes of the template, and free brightness).
-  static bool shift(const cv::Mat& from, const cv::Mat& to, int x, int y, int scale, float& du,
-                    float& dv) {
-    constexpr int kSide = 2 * kRadius + 1;
+  // with the slopes of the template, and free brightness). Ends at steps under `enough` pixels.
+  static bool shift(const cv::Mat& from, const cv::Mat& to, int x, int y, int scale, float enough,
+                    float& du, float& dv) {
     if (x < kRadius + 1 || y < kRadius + 1 || x + kRadius + 1 >= from.cols ||
         y + kRadius + 1 >= from.rows)
       return false;
-    float gx[kSide * kSide], gy[kSide * kSide], value[kSide * kSide];
-    Eigen::Matrix3f H = Eigen::Matrix3f::Zero();
-    for (int v = 0, n = 0; v < kSide; ++v) {
-      const uchar* row = from.ptr<uchar>(y - kRadius + v) + x - kRadius;
-      const uchar* above = row - from.step;
-      const uchar* below = row + from.step;
-      for (int u = 0; u < kSide; ++u, ++n) {
-        gx[n] = 0.5f * static_cast<float>(row[u + 1] - row[u - 1]);
-        gy[n] = 0.5f * static_cast<float>(below[u] - above[u]);
-        value[n] = row[u];
-        H(0, 0) += gx[n] * gx[n], H(0, 1) += gx[n] * gy[n], H(1, 1) += gy[n] * gy[n];
-        H(0, 2) += gx[n], H(1, 2) += gy[n];
-      }
-    }
-    H(1, 0) = H(0, 1), H(2, 0) = H(0, 2), H(2, 1) = H(1, 2), H(2, 2) = kSide * kSide;
+    Patch patch;
+    patch.set(from.ptr<float>(y - kRadius) + x - kRadius, from.step1());
+    const Eigen::Matrix3f H = patch.information();
     Eigen::Matrix3f inverse;
     bool invertible = false;
     H.computeInverseWithCheck(inverse, invertible, 1.0f);
@@ -312,24 +347,14 @@ class CameraMotion {
             py < static_cast<float>(to.rows - kSide - 1)))
         return false;
       const int ix = static_cast<int>(px), iy = static_cast<int>(py);
-      const float a = px - static_cast<float>(ix), b = py - static_cast<float>(iy);
-      const float w00 = (1 - a) * (1 - b), w01 = a * (1 - b), w10 = (1 - a) * b, w11 = a * b;
-      float sx = 0, sy = 0, s1 = 0, squares = 0;
-      for (int v = 0, n = 0; v < kSide; ++v) {
-        const uchar* row = to.ptr<uchar>(iy + v) + ix;
-        const uchar* below = row + to.step;
-        for (int u = 0; u < kSide; ++u, ++n) {
-          const float r = w00 * row[u] + w01 * row[u + 1] + w10 * below[u] + w11 * below[u + 1] -
-                          value[n] - bias;
-          sx += r * gx[n], sy += r * gy[n], s1 += r;
-          squares += r * r;
-        }
-      }
-      const Eigen::Vector3f d = inverse * Eigen::Vector3f(sx, sy, s1);
+      const Eigen::Vector4f sums =
+          patch.compare(to.ptr<float>(iy) + ix, to.step1(), px - static_cast<float>(ix),
+                        py - static_cast<float>(iy), bias);
+      const Eigen::Vector3f d = inverse * sums.head<3>();
       px -= d.x(), py -= d.y(), bias += d.z();
       if (std::abs(px - start_x) > kMaxShift || std::abs(py - start_y) > kMaxShift) return false;
-      if (d.x() * d.x() + d.y() * d.y() > 0.02f * 0.02f) continue;
-      if (squares > kMaxResidual * kMaxResidual * kSide * kSide) return false;
+      if (d.x() * d.x() + d.y() * d.y() > enough * enough) continue;
+      if (sums[3] > kMaxResidual * kMaxResidual * kSide * kSide) return false;
       break;
     }
     du = (px - static_cast<float>(x - kRadius)) * static_cast<float>(scale);
@@ -349,18 +374,21 @@ class CameraMotion {
     return T;
   }
 
-  // Two steps towards those that agree; the support then.
-  double improve(Eigen::Isometry3d& T) const {
-    for (int i = 0; i < 2; ++i) {
+  // Up to `steps` steps towards those that agree; the support then.
+  double improve(Eigen::Isometry3d& T, int steps = 2) const {
+    for (int i = 0; i < steps; ++i) {
       Normal normal;
       for (const Flow& f : flows_) add_to(normal, f, T, kMaxErrorPx);
-      if (normal.count < kMinFlows / 2 || !step(normal, T)) return 0;
+      if (normal.count < kMinFlows / 2) return 0;
+      const std::optional<double> size = step(normal, T);
+      if (!size) return 0;
+      if (*size < kTinyStep) break;
     }
     return support(T);
   }
 
   struct Normal {
-    Eigen::Matrix<double, 6, 6> H = Eigen::Matrix<double, 6, 6>::Zero();
+    Eigen::Matrix<double, 6, 6> H = Eigen::Matrix<double, 6, 6>::Zero();  // lower half
     Eigen::Matrix<double, 6, 1> g = Eigen::Matrix<double, 6, 1>::Zero();
     std::size_t count = 0;
   };
@@ -377,14 +405,18 @@ class CameraMotion {
     J << fx / z, 0, -fx * x / z, -fx * x * y, fx * (1 + x * x), -fx * y,  //
         0, fy / z, -fy * y / z, -fy * (1 + y * y), fy * x * y, fy * x;
     const double weight = f.area * (1 - share) * (1 - share);
-    normal.H.noalias() += weight * J.transpose() * J;
-    normal.g.noalias() += weight * J.transpose() * e;
+    for (int i = 0; i < 6; ++i) {
+      const double a = weight * J(0, i), b = weight * J(1, i);
+      for (int j = 0; j <= i; ++j) normal.H(i, j) += a * J(0, j) + b * J(1, j);
+      normal.g(i) += a * e.x() + b * e.y();
+    }
     ++normal.count;
   }
 
-  static bool step(const Normal& normal, Eigen::Isometry3d& T) {
+  // Its size, metres and radians; none if there is no solution.
+  static std::optional<double> step(const Normal& normal, Eigen::Isometry3d& T) {
     const Eigen::Matrix<double, 6, 1> d = normal.H.ldlt().solve(-normal.g);
-    if (!d.allFinite() || d.norm() > 1) return false;
+    if (!d.allFinite() || d.norm() > 1) return std::nullopt;
     Eigen::Isometry3d by = Eigen::Isometry3d::Identity();
     const double angle = d.tail<3>().norm();
     if (angle > 1e-12)
@@ -392,7 +424,7 @@ class CameraMotion {
     by.translation() = d.head<3>();
     T = by * T;
     T.linear() = Eigen::Quaterniond(T.linear()).normalized().toRotationMatrix();
-    return true;
+    return d.norm();
   }
 
   static constexpr float kMaxShift = 5, kMaxResidual = 14;

@@ -8,18 +8,16 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
+#include "stillpoint/core/config.hpp"
 #include "stillpoint/core/depth_view.hpp"
-#include "stillpoint/core/frame.hpp"
 
 namespace stillpoint {
 
-/// A frame averaged over square blocks, as the motion components look at it: motion blur of a few
-/// pixels is hardly seen there, and a whole frame is a few thousand cells.
+/// The depth of a frame averaged over square blocks, as the motion check looks at it: motion blur
+/// of a few pixels is hardly seen there, and a whole frame is a few thousand cells.
 struct CoarseFrame {
   int block_px = 8;
   int width = 0, height = 0;
-  /// Mean brightness (green) per cell, 0 to 255.
-  std::vector<float> intensity;
   /// Depth per cell in metres; 0 where the block has none or is torn by a depth edge.
   std::vector<float> depth_m;
   /// Focal length and principal point in cells.
@@ -33,79 +31,78 @@ struct CoarseFrame {
            static_cast<std::size_t>(x);
   }
 
-  /// Averages the blocks of a frame. O(pixels / 4).
-  void set(const RgbdFrame& frame, const DepthView& depth, int block) {
+  /// Takes the depth of the blocks of a frame. O(pixels / 4).
+  void set(const DepthView& depth, int block) {
     block_px = block;
-    width = frame.color.cols / block, height = frame.color.rows / block;
-    intensity.assign(size(), 0.0f);
+    width = depth.size().width / block, height = depth.size().height / block;
     depth_m.resize(size());
     const float b = static_cast<float>(block);
     fx = depth.focal_px() / b, fy = depth.focal_y_px() / b;
     // The centre of cell i is pixel block * i + (block - 1) / 2.
     cx = (depth.center_x() - 0.5f * (b - 1)) / b, cy = (depth.center_y() - 0.5f * (b - 1)) / b;
-    const int channels = frame.color.channels(), green = channels == 3 ? 1 : 0;
-    const int samples = block / 2;
-    for (int y = 0; y < height; ++y) {
-      float* to = intensity.data() + index(0, y);
-      for (int k = 0; k < samples; ++k) {
-        const uchar* row = frame.color.ptr<uchar>(y * block + 2 * k) + green;
-        for (int x = 0; x < width; ++x) {
-          int sum = 0;
-          const uchar* p = row + x * block * channels;
-          for (int j = 0; j < samples; ++j) sum += p[2 * j * channels];
-          to[x] += static_cast<float>(sum);
-        }
-      }
-      const float scale = 1.0f / static_cast<float>(samples * samples);
-      for (int x = 0; x < width; ++x) to[x] *= scale;
-      for (int x = 0; x < width; ++x)
-        depth_m[index(x, y)] = depth.empty() ? 0 : block_depth(depth, x * block, y * block, block);
+    if (depth.empty()) {
+      std::fill(depth_m.begin(), depth_m.end(), 0.0f);
+      return;
     }
-  }
-
-  /// Halves `fine` in both directions.
-  void halve(const CoarseFrame& fine) {
-    block_px = fine.block_px * 2;
-    width = fine.width / 2, height = fine.height / 2;
-    intensity.resize(size());
-    depth_m.resize(size());
-    fx = fine.fx / 2, fy = fine.fy / 2;
-    cx = (fine.cx - 0.5f) / 2, cy = (fine.cy - 0.5f) / 2;
-    for (int y = 0; y < height; ++y)
-      for (int x = 0; x < width; ++x) {
-        float sum = 0, lo = 1e9f, hi = 0, total = 0;
-        int measured = 0;
-        for (const int k : {0, 1, 2, 3}) {
-          const std::size_t j = fine.index(2 * x + (k & 1), 2 * y + (k >> 1));
-          sum += fine.intensity[j];
-          const float z = fine.depth_m[j];
-          if (z <= 0) continue;
-          ++measured, total += z, lo = std::min(lo, z), hi = std::max(hi, z);
-        }
-        intensity[index(x, y)] = 0.25f * sum;
-        const bool whole = measured >= 2 && hi - lo < 0.04f + 0.06f * lo;
-        depth_m[index(x, y)] = whole ? total / static_cast<float>(measured) : 0;
-      }
+    columns_.resize(static_cast<std::size_t>(width) * static_cast<std::size_t>(block));
+    for (int y = 0; y < height; ++y) {
+      columns_.clear();
+      for (int k = 1; k < block; k += 2) columns_.add(depth.row(y * block + k));
+      for (int x = 0; x < width; ++x)
+        depth_m[index(x, y)] =
+            block_depth(columns_, x * block, block, depth.metres_per_unit_value());
+    }
   }
 
  private:
-  static float block_depth(const DepthView& depth, int x0, int y0, int block) {
-    int lo = 65536, hi = 0, sum = 0, n = 0;
-    for (int y = 1; y < block; y += 2) {
-      const std::uint16_t* row = depth.row(y0 + y) + x0;
-      for (int x = 1; x < block; x += 2) {
-        const int z = row[x];
-        if (z == 0) continue;
-        lo = std::min(lo, z), hi = std::max(hi, z), sum += z, ++n;
+  // What every second row of a row of blocks measures, per column of pixels.
+  struct Columns {
+    std::vector<std::uint16_t> lo, hi, n;  // lo: one less; 65535 without a measurement
+    std::vector<std::uint32_t> sum;
+
+    void resize(std::size_t size) {
+      for (auto* v : {&lo, &hi, &n}) v->resize(size);
+      sum.resize(size);
+    }
+    void clear() {
+      std::fill(lo.begin(), lo.end(), std::uint16_t{65535});
+      for (auto* v : {&hi, &n}) std::fill(v->begin(), v->end(), std::uint16_t{0});
+      std::fill(sum.begin(), sum.end(), 0u);
+    }
+    void add(const std::uint16_t* row) {
+      add_to(row, sum.size(), lo.data(), hi.data(), n.data(), sum.data());
+    }
+    static void add_to(const std::uint16_t* STILLPOINT_RESTRICT z, std::size_t count,
+                       std::uint16_t* STILLPOINT_RESTRICT lo, std::uint16_t* STILLPOINT_RESTRICT hi,
+                       std::uint16_t* STILLPOINT_RESTRICT n,
+                       std::uint32_t* STILLPOINT_RESTRICT sum) {
+      for (std::size_t i = 0; i < count; ++i) {
+        const std::uint16_t less = static_cast<std::uint16_t>(z[i] - 1);
+        lo[i] = less < lo[i] ? less : lo[i];
+        hi[i] = z[i] > hi[i] ? z[i] : hi[i];
+        n[i] = static_cast<std::uint16_t>(n[i] + (z[i] != 0 ? 1 : 0));
+        sum[i] += z[i];
       }
     }
+  };
+
+  // Of every second column.
+  static float block_depth(const Columns& columns, int x0, int block, float to_m) {
+    int lo = 65536, hi = 0, n = 0;
+    std::uint32_t sum = 0;
+    for (int k = 1; k < block; k += 2) {
+      const std::size_t i = static_cast<std::size_t>(x0 + k);
+      lo = std::min(lo, columns.lo[i] + 1), hi = std::max<int>(hi, columns.hi[i]);
+      n += columns.n[i], sum += columns.sum[i];
+    }
     if (2 * n < (block / 2) * (block / 2)) return 0;
-    const float to_m = depth.metres_per_unit_value();
     const float near = static_cast<float>(lo) * to_m, far = static_cast<float>(hi) * to_m;
     return far - near < 0.03f + 0.05f * near
                ? static_cast<float>(sum) / static_cast<float>(n) * to_m
                : 0;
   }
+
+  Columns columns_;
 };
 
 }  // namespace stillpoint

@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "stillpoint/core/config.hpp"
 #include "stillpoint/motion/coarse_frame.hpp"
 
 namespace stillpoint {
@@ -36,18 +37,21 @@ class FreeSpaceMemory {
     count_ = std::min(count_ + 1, kCapacity);
     view.timestamp = timestamp;
     view.T_world_camera = T_world_camera;
-    view.frame = frame;
-    view.dynamic = dynamic;
-    view.free_to_m.assign(frame.size(), 0);
-    for (int y = 1; y + 1 < frame.height; ++y)
-      for (int x = 1; x + 1 < frame.width; ++x) {
-        // A place is free as far as all cells around saw through it.
-        float nearest = 1e9f;
-        for (int dy = -1; dy <= 1; ++dy)
-          for (int dx = -1; dx <= 1; ++dx)
-            nearest = std::min(nearest, frame.depth_m[frame.index(x + dx, y + dy)]);
-        view.free_to_m[frame.index(x, y)] = nearest;
-      }
+    view.width = frame.width, view.height = frame.height;
+    view.fx = frame.fx, view.fy = frame.fy, view.cx = frame.cx, view.cy = frame.cy;
+    view.places.resize(frame.size());
+    for (std::size_t i = 0; i < frame.size(); ++i)
+      view.places[i] = {frame.depth_m[i] > 0 && !dynamic[i] ? frame.depth_m[i] : kNone, 0};
+    // A place is free as far as all cells around saw through it.
+    const std::size_t w = static_cast<std::size_t>(frame.width);
+    nearest_.resize(w);
+    for (int y = 1; y + 1 < frame.height; ++y) {
+      const float* z = frame.depth_m.data() + frame.index(0, y);
+      nearest_of_three(z - w, z, z + w, w, nearest_.data());
+      Place* place = view.places.data() + frame.index(1, y);
+      for (std::size_t x = 0; x + 2 < w; ++x)
+        place[x].free_to_m = std::min({nearest_[x], nearest_[x + 1], nearest_[x + 2]});
+    }
   }
 
   /// Moves the newest frame, once its pose is known better.
@@ -83,41 +87,79 @@ class FreeSpaceMemory {
  private:
   static constexpr std::size_t kCapacity = 52;  // 1.7 s at 30 Hz
 
+  static constexpr float kNone = -1e9f;
+
+  // One cell: depth of the static surface seen there, or kNone; free up to a depth, 0: not known.
+  struct Place {
+    float surface_m, free_to_m;
+  };
   struct View {
     double timestamp = 0;
     Eigen::Isometry3d T_world_camera = Eigen::Isometry3d::Identity();
-    CoarseFrame frame;
-    std::vector<float> free_to_m;       // 0: not known
-    std::vector<std::uint8_t> dynamic;  // not 0: taken for dynamic
+    int width = 0, height = 0;
+    float fx = 1, fy = 1, cx = 0, cy = 0;
+    std::vector<Place> places;
   };
+
+  static void nearest_of_three(const float* a, const float* b, const float* c, std::size_t n,
+                               float* STILLPOINT_RESTRICT nearest) {
+    for (std::size_t i = 0; i < n; ++i) {
+      const float ab = a[i] < b[i] ? a[i] : b[i];
+      nearest[i] = ab < c[i] ? ab : c[i];
+    }
+  }
+
+  // Where the cells of a row are in an earlier view: cells u, v, half a cell added; depth z.
+  struct Row {
+    std::vector<float> u, v, z;
+  };
+  struct Projection {
+    Eigen::Vector3f first, per_cell, t;  // p = (first + per_cell * x) * depth + t
+    float fx, fy, cx, cy;
+  };
+
+  static void project(const Projection& p, const float* STILLPOINT_RESTRICT depth, std::size_t n,
+                      float* STILLPOINT_RESTRICT u, float* STILLPOINT_RESTRICT v,
+                      float* STILLPOINT_RESTRICT z) {
+    for (std::size_t i = 0; i < n; ++i) {
+      const float x = static_cast<float>(static_cast<int>(i)), d = depth[i];
+      const float px = (p.first.x() + p.per_cell.x() * x) * d + p.t.x();
+      const float py = (p.first.y() + p.per_cell.y() * x) * d + p.t.y();
+      z[i] = (p.first.z() + p.per_cell.z() * x) * d + p.t.z();
+      const float inverse = 1 / z[i];
+      u[i] = p.fx * px * inverse + p.cx, v[i] = p.fy * py * inverse + p.cy;
+    }
+  }
 
   // Seen free counts two, seen filled by the same surface counts minus one.
   void compare(const View& view, const Eigen::Isometry3d& T_world_camera,
                const CoarseFrame& frame) {
     const Eigen::Isometry3d T = view.T_world_camera.inverse() * T_world_camera;
     const Eigen::Matrix3f R = T.linear().cast<float>();
-    const Eigen::Vector3f t = T.translation().cast<float>();
-    const CoarseFrame& then = view.frame;
-    const float right = static_cast<float>(then.width) - 1.5f;
-    const float bottom = static_cast<float>(then.height) - 1.5f;
+    const std::size_t n = static_cast<std::size_t>(frame.width);
+    for (auto* row : {&row_.u, &row_.v, &row_.z}) row->resize(n);
+    Projection p;
+    p.t = T.translation().cast<float>();
+    p.per_cell = R.col(0) / frame.fx;
+    p.fx = view.fx, p.fy = view.fy, p.cx = view.cx + 0.5f, p.cy = view.cy + 0.5f;
+    const float right = static_cast<float>(view.width) - 1,
+                bottom = static_cast<float>(view.height) - 1;
     for (int y = 0; y < frame.height; ++y) {
-      const float ry = (static_cast<float>(y) - frame.cy) / frame.fy;
-      for (int x = 0; x < frame.width; ++x) {
-        const std::size_t i = frame.index(x, y);
-        const float z = frame.depth_m[i];
-        if (z <= 0) continue;
-        const float rx = (static_cast<float>(x) - frame.cx) / frame.fx;
-        const Eigen::Vector3f Y = R * Eigen::Vector3f(rx * z, ry * z, z) + t;
-        if (Y.z() < 0.3f) continue;
-        const float u = then.fx * Y.x() / Y.z() + then.cx, v = then.fy * Y.y() / Y.z() + then.cy;
-        if (!(u >= 0.5f && v >= 0.5f && u < right && v < bottom)) continue;
-        const std::size_t j = then.index(static_cast<int>(u + 0.5f), static_cast<int>(v + 0.5f));
-        const float slack = 0.03f + 0.012f * Y.z() * Y.z();  // noise and rounding of the pose
-        if (view.free_to_m[j] > Y.z() + slack + 0.02f)
-          score_[i] = static_cast<signed char>(score_[i] + 2);
-        else if (!view.dynamic[j] && then.depth_m[j] > 0 &&
-                 std::abs(then.depth_m[j] - Y.z()) < slack && score_[i] <= 0)
-          score_[i] = static_cast<signed char>(score_[i] - 1);
+      p.first = R * Eigen::Vector3f(-frame.cx / frame.fx,
+                                    (static_cast<float>(y) - frame.cy) / frame.fy, 1);
+      const float* depth = frame.depth_m.data() + frame.index(0, y);
+      signed char* score = score_.data() + frame.index(0, y);
+      project(p, depth, n, row_.u.data(), row_.v.data(), row_.z.data());
+      for (std::size_t x = 0; x < n; ++x) {
+        const float z = row_.z[x], u = row_.u[x], v = row_.v[x];
+        if (!(depth[x] > 0 && z >= 0.3f && u >= 1 && v >= 1 && u < right && v < bottom)) continue;
+        const Place& place =
+            view.places[static_cast<std::size_t>(static_cast<int>(v) * view.width) +
+                        static_cast<std::size_t>(static_cast<int>(u))];
+        const float slack = 0.03f + 0.012f * z * z;  // noise and rounding of the pose
+        const bool free = place.free_to_m > z + slack + 0.02f;
+        const bool same = (score[x] <= 0) & (std::abs(place.surface_m - z) < slack);
+        score[x] = static_cast<signed char>(score[x] + (free ? 2 : same ? -1 : 0));
       }
     }
   }
@@ -125,6 +167,8 @@ class FreeSpaceMemory {
   std::vector<View> views_;
   std::size_t count_ = 0, next_ = 0, newest_ = 0;
   std::vector<signed char> score_;
+  std::vector<float> nearest_;
+  Row row_;
 };
 
 }  // namespace stillpoint

@@ -111,13 +111,16 @@ class MotionCheck {
       T_world_camera_ = T_world_camera_ * motion_->inverse();
       normalize(T_world_camera_);
     }
-    current_.set(frame, view_, settings_.block_px);
+    current_.set(view_, settings_.block_px);
     judged_ = true;
     memory_.judge(frame.timestamp, T_world_camera_, current_, evidence_);
     if (seen_motion_ && seen_motion_->support > 0.6) hear_dissents(T_current_last);
     grow();
     return found_;
   }
+
+  /// What the last find() returned.
+  const std::vector<Instance>& found() const { return found_; }
 
   /// The camera's motion to the last frame of find() as it was used there: the frames' own, or the
   /// host's where they show too little. Empty: neither.

@@ -80,6 +80,9 @@ class SegmentationCompensator {
     return output_;
   }
 
+  /// What the last mend() or compensate() returned.
+  const Segmentation& mended() const { return output_; }
+
   /// The second half of compensate(): remembers the instances that mend() returned, trimmed to
   /// `refined`, the same instances in the same order after depth fusion (bare boxes take its masks
   /// over). What the fusion added is not remembered: it would flow on into the furniture beside it.
