@@ -58,6 +58,47 @@ cv::Mat draw_overlay(const cv::Mat& color, const DynamicMask& mask,
   return picture;
 }
 
+cv::Mat draw_stages(const RgbdFrame& frame, const cv::Mat& truth,
+                    const std::vector<std::pair<std::string, cv::Mat>>& stages,
+                    const DynamicMask& mask, const std::vector<cv::Point2f>& kept) {
+  const cv::Size cell(frame.color.cols / 2, frame.color.rows / 2 + kStrip);
+  const int columns = 3, rows = (static_cast<int>(stages.size()) + 2 + columns - 1) / columns;
+  cv::Mat sheet(rows * cell.height, columns * cell.width, CV_8UC3, cv::Scalar(30, 30, 30));
+  cv::Mat color = frame.color;
+  if (color.channels() == 1) cv::cvtColor(frame.color, color, cv::COLOR_GRAY2BGR);
+  int next = 0;
+  const auto place = [&](const cv::Mat& picture, const std::string& words) {
+    cv::Mat part =
+        sheet({next % columns * cell.width, next / columns * cell.height, cell.width, cell.height});
+    cv::Mat view = part.rowRange(0, cell.height - kStrip);
+    cv::resize(picture, view, view.size(), 0, 0, cv::INTER_AREA);
+    write(part, 8, words, cv::Scalar(235, 235, 235));
+    ++next;
+  };
+  char words[96];
+  std::snprintf(words, sizeof words, "t = %.3f s", frame.timestamp);
+  place(color, words);
+  cv::Mat gray;
+  cv::cvtColor(color, gray, cv::COLOR_BGR2GRAY);
+  cv::cvtColor(gray, gray, cv::COLOR_GRAY2BGR);
+  for (const auto& [name, stage] : stages) {
+    cv::Mat tints = gray.clone();
+    tints.setTo(kGreen, stage & truth);
+    tints.setTo(kRed, truth & ~stage);
+    tints.setTo(cv::Scalar(255, 120, 40), stage & ~truth);
+    cv::Mat picture;
+    cv::addWeighted(gray, 0.5, tints, 0.5, 0, picture);
+    const double right = cv::countNonZero(stage & truth), all = cv::countNonZero(truth),
+                 said = cv::countNonZero(stage);
+    std::snprintf(words, sizeof words, "%s: recall %.2f precision %.2f", name.c_str(),
+                  all > 0 ? right / all : 1, said > 0 ? right / said : 1);
+    place(picture, words);
+  }
+  cv::Mat last = draw_overlay(color, mask, kept, {}, frame.timestamp);
+  place(last.rowRange(0, color.rows), "kept keypoints: " + std::to_string(kept.size()));
+  return sheet;
+}
+
 std::string data_uri(const std::string& file) {
   std::ifstream in(file, std::ios::binary);
   if (!in) throw Error(file + ": cannot be read");

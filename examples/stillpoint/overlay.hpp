@@ -3,8 +3,10 @@
 
 #include <opencv2/core.hpp>
 #include <string>
+#include <utility>
 #include <vector>
 
+#include "stillpoint/core/frame.hpp"
 #include "stillpoint/core/mask.hpp"
 
 namespace stillpoint::cli {
@@ -15,6 +17,12 @@ namespace stillpoint::cli {
 cv::Mat draw_overlay(const cv::Mat& color, const DynamicMask& mask,
                      const std::vector<cv::Point2f>& kept, const std::vector<cv::Point2f>& removed,
                      double timestamp);
+
+/// The way of a frame's mask in six small pictures: the frame, four stages with their names (each
+/// against the truth: right green, missing red, too much blue), and the kept keypoints.
+cv::Mat draw_stages(const RgbdFrame& frame, const cv::Mat& truth,
+                    const std::vector<std::pair<std::string, cv::Mat>>& stages,
+                    const DynamicMask& mask, const std::vector<cv::Point2f>& kept);
 
 /// "data:image/jpeg;base64,..." of a file, to be used in a page that needs no other file. The
 /// ending of the name gives the type; throws Error if the file cannot be read.

@@ -18,7 +18,7 @@ struct RunCommand {
   RunSettings settings;
   fs::path out;
   bool save_masks = false, save_keypoints = false;
-  std::size_t overlay_every = 0;
+  std::size_t overlay_every = 0, worst = 0;
 };
 
 std::string settings_line(const RunSettings& s, bool segmenter_was_open) {
@@ -69,6 +69,12 @@ void run(RunCommand command) {
   if (command.save_keypoints) outputs.keypoints_csv = command.out / "keypoints.csv";
   if (command.overlay_every > 0) outputs.overlays_dir = command.out / "overlays";
   outputs.overlay_every = command.overlay_every;
+  outputs.worst = command.worst;
+  outputs.worst_dir = command.out / "worst";
+  if (command.worst > 0 && !fs::is_directory(settings.sequence / "masks_gt"))
+    throw Error("--save-worst: needs " + (settings.sequence / "masks_gt").string() +
+                " to tell what is wrong");
+  if (command.worst > 0) fs::remove_all(outputs.worst_dir);
 
   nlohmann::ordered_json stats;
   {
@@ -85,10 +91,10 @@ void run(RunCommand command) {
         });
   }
   write_json(command.out / "stats.json", stats);
-  std::printf("%swritten     %s: trajectory.txt, stats.json, map.ply%s%s%s\n",
+  std::printf("%swritten     %s: trajectory.txt, stats.json, map.ply%s%s%s%s\n",
               summary_text(stats).c_str(), command.out.string().c_str(),
               command.save_masks ? ", masks/" : "", command.save_keypoints ? ", keypoints.csv" : "",
-              command.overlay_every > 0 ? ", overlays/" : "");
+              command.overlay_every > 0 ? ", overlays/" : "", command.worst > 0 ? ", worst/" : "");
 }
 
 }  // namespace
@@ -151,6 +157,9 @@ void add_run_command(CLI::App& app) {
           },
           ""))
       ->type_name("[EVERY]");
+  between(command->add_option("--save-worst", options->worst,
+                              "Write DIR/worst/: the N frames with the worst masks, by masks_gt"),
+          1, 1000);
   command->footer(R"(
 Examples:
   stillpoint run walk --out out

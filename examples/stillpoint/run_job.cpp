@@ -152,6 +152,7 @@ Json run_job(const RunSettings& wanted, const RunOutputs& outputs,
   MapMaker map;
   const bool with_map = !outputs.map_ply.empty() || !outputs.map_views_dir.empty();
   FrameWriter writer(outputs);
+  WorstFrames worst(outputs, truth_dir);
   bool depth_checked = false;
   std::chrono::steady_clock::time_point start;
   for (std::size_t i = 0; i < count; ++i) {
@@ -169,10 +170,12 @@ Json run_job(const RunSettings& wanted, const RunOutputs& outputs,
     if (i == 0) start = std::chrono::steady_clock::now();
     recorder.add(pipeline, frame, stem, judge);
     writer.write(pipeline, frame, stem, i, judge);
+    worst.add(pipeline, frame, stem);
     if (with_map) map.remember(i, pipeline);
     progress(i + 1, count);
   }
   writer.finish();
+  worst.finish();
   tracker->finish();
   const Trajectory trajectory = tracker->trajectory();
   if (!outputs.trajectory.empty()) write_trajectory(outputs.trajectory, trajectory);

@@ -54,6 +54,9 @@ struct RunOutputs {
   std::vector<std::string> overlay_stems;
   /// Overlays as small JPEGs (for a page) and not as PNGs.
   bool overlays_jpeg = false;
+  /// The frames whose masks differ most from masks_gt, stage by stage, and how many of them.
+  std::filesystem::path worst_dir;
+  std::size_t worst = 0;
   /// Adds "series" to the result: error, mask share and blur per frame, and the aligned paths.
   bool series = false;
 };

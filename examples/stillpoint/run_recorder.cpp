@@ -73,6 +73,54 @@ void FrameWriter::finish() {
     throw Error(outputs_.keypoints_csv.string() + ": could not be written to its end (disk full?)");
 }
 
+WorstFrames::WorstFrames(const RunOutputs& outputs, std::filesystem::path truth_dir)
+    : folder_(outputs.worst_dir), truth_dir_(std::move(truth_dir)), count_(outputs.worst) {}
+
+void WorstFrames::add(const Pipeline& pipeline, const RgbdFrame& frame, const std::string& stem) {
+  constexpr double kApartS = 0.25;
+  if (count_ == 0 || !pipeline.uses_front_end()) return;
+  const std::filesystem::path truth_file = mask_path(truth_dir_, stem);
+  if (!std::filesystem::exists(truth_file)) return;
+  const cv::Mat truth = read_mask(truth_file, frame.color.size());
+  const FrontEnd& front_end = pipeline.front_end();
+  const BinaryCounts counts = compare_masks(front_end.undilated_mask(), truth);
+  Frame worse;
+  worse.timestamp = frame.timestamp, worse.stem = stem;
+  worse.wrong = static_cast<double>(counts.false_positive + counts.false_negative) /
+                static_cast<double>(truth.total());
+  const auto near = [&](const Frame& f) {
+    return std::abs(f.timestamp - worse.timestamp) < kApartS;
+  };
+  for (const Frame& f : frames_)
+    if (near(f) && f.wrong >= worse.wrong) return;
+  frames_.erase(std::remove_if(frames_.begin(), frames_.end(), near), frames_.end());
+  const auto at = std::find_if(frames_.begin(), frames_.end(),
+                               [&](const Frame& f) { return f.wrong < worse.wrong; });
+  if (at == frames_.end() && frames_.size() >= count_) return;
+  std::vector<cv::Point2f> kept;
+  for (int i : pipeline.selection().kept)
+    kept.push_back(pipeline.keypoints()[static_cast<std::size_t>(i)].pt);
+  worse.picture = draw_stages(frame, truth,
+                              {{"segmenter", front_end.raw_mask()},
+                               {"motion check", front_end.movers_mask()},
+                               {"mended", front_end.mended_mask()},
+                               {"after depth", front_end.undilated_mask()}},
+                              pipeline.mask(), kept);
+  frames_.insert(at, std::move(worse));
+  if (frames_.size() > count_) frames_.pop_back();
+}
+
+void WorstFrames::finish() const {
+  if (count_ == 0) return;
+  make_folder(folder_);
+  int place = 0;
+  for (const Frame& f : frames_) {
+    char number[16];
+    std::snprintf(number, sizeof number, "%02d_", ++place);
+    write_picture(folder_ / (number + f.stem + ".png"), f.picture);
+  }
+}
+
 void RunRecorder::add(const Pipeline& pipeline, const RgbdFrame& frame, const std::string& stem,
                       WholePictureJudge& judge) {
   Record r;

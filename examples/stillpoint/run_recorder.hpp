@@ -34,6 +34,26 @@ class FrameWriter {
   std::unique_ptr<std::FILE, Close> csv_;
 };
 
+/// Keeps a picture of each of the worst frames, stage by stage: those in which most of the picture
+/// is wrong in the mask before dilation, at least a quarter of a second apart.
+class WorstFrames {
+ public:
+  explicit WorstFrames(const RunOutputs& outputs, std::filesystem::path truth_dir);
+  void add(const Pipeline& pipeline, const RgbdFrame& frame, const std::string& stem);
+  /// Writes 01_STEM.png (the worst) and so on. Throws Error if that is not possible.
+  void finish() const;
+
+ private:
+  struct Frame {
+    double timestamp = 0, wrong = 0;
+    std::string stem;
+    cv::Mat picture;
+  };
+  std::filesystem::path folder_, truth_dir_;
+  std::size_t count_ = 0;
+  std::vector<Frame> frames_;  // the worst first
+};
+
 /// Collects numbers frame by frame and sums them up for stats.json.
 class RunRecorder {
  public:
