@@ -213,6 +213,40 @@ TEST(DepthMaskFuser, TakesThePersonEvenIfTheWallIsMost) {
   EXPECT_GT(s.precision, 0.95);
 }
 
+TEST(DepthMaskFuser, KeepsASecondPersonInOneMask) {
+  for (const float second_m : {1.6f, 4.2f}) {
+    const Figure other{{190, 90, 34, 70}, second_m, 2};
+    const cv::Mat both = picture_of(std::vector<cv::Rect>{kPerson.box, other.box}, room().size);
+    const Score s = score(fused(room(), {kPerson, other}, {instance_from_mask(both)}), both);
+    EXPECT_GT(s.recall, 0.97) << second_m;
+    EXPECT_GT(s.precision, 0.97) << second_m;
+  }
+}
+
+TEST(DepthMaskFuser, KeepsASecondPersonBesideWhomNothingIsMeasured) {
+  const Figure other{{190, 90, 34, 70}, 1.4f, 2};
+  const FlatScene scene = room();
+  RgbdFrame frame = scene.frame(0, {kPerson, other});
+  // The shadow of a depth camera.
+  cv::Mat shadow = picture_of(std::vector<cv::Rect>{{other.box.x - 16, other.box.y - 16,
+                                                     other.box.width + 32, other.box.height + 32}},
+                              scene.size);
+  shadow(other.box).setTo(0), shadow(kPerson.box).setTo(0);
+  frame.depth.setTo(0, shadow);
+  const cv::Mat both = picture_of(std::vector<cv::Rect>{kPerson.box, other.box}, scene.size);
+  DepthMaskFuser fuser(Settings(), scene.camera());
+  EXPECT_GT(score(undilated(fuser, frame, {instance_from_mask(both)}), both).recall, 0.97);
+}
+
+TEST(DepthMaskFuser, FillsWhatTheDepthLacksInsideAnObject) {
+  FlatScene scene = room();
+  RgbdFrame frame = scene.frame(0, {kPerson});
+  const cv::Rect gap(kPerson.box.x + 18, kPerson.box.y + 60, 2, 2);
+  frame.depth(gap).setTo(5 * 4900);  // a pixel of the wall shines through
+  DepthMaskFuser fuser(Settings(), scene.camera());
+  EXPECT_EQ(pixels(undilated(fuser, frame, {instance_from_mask(person_mask())})(gap)), gap.area());
+}
+
 TEST(DepthMaskFuser, JoinsACarriedObject) {
   // A box held before the body and at its side; the mask knows the person only.
   const Figure carried{{172, 120, 24, 26}, 3.15f, 2};
@@ -242,7 +276,7 @@ TEST(DepthMaskFuser, CarvesThePersonOutOfABareBox) {
 
 TEST(DepthMaskFuser, GoesByTheExpectedDepth) {
   // A column before the person takes half of the mask; the compensator knows how far the person is.
-  const Figure column{{140, 60, 19, 170}, 2.2f, 2};
+  const Figure column{{130, 60, 29, 170}, 2.2f, 2};
   Instance s = box_instance(kPerson.box, room().size);
   s.depth_m = 3.2f;
   const cv::Mat out = fused(room(), {kPerson, column}, {s});

@@ -44,6 +44,7 @@ class RegionCells {
                   kUnknown);
     used_ = samples.cells_of(box) - cells_.tl();
     seed_core(depth, samples, floor, ranges, range);
+    if (!bare) keep_parts(depth, samples, floor, ranges.samples_on_mask());
     queue_border();
     spread(depth, samples, floor, range, settings.range_m, reach);
     // One cell more: pixels of the region lie in the cells around it, too.
@@ -96,7 +97,8 @@ class RegionCells {
   static constexpr std::uint16_t kInner = 65535;
 
  private:
-  static constexpr std::uint8_t kUnknown = 0, kOutside = 1, kOpen = 2, kRegion = 3;
+  static constexpr std::uint8_t kUnknown = 0, kOutside = 1, kOpen = 2, kRegion = 3, kPart = 4;
+  static constexpr int kNext[4][2] = {{-1, 0}, {1, 0}, {0, -1}, {0, 1}};
   static constexpr float kNone = 1e9f;
   struct Visit {
     int x, y, distance;
@@ -178,6 +180,80 @@ class RegionCells {
     }
   }
 
+  // Parts of the mask at other depths are the object's, too (an arm stretched out, a second person
+  // in one mask), if they end where the mask ends: in a step to something farther. What goes on
+  // beyond the mask is background that a careless mask took in.
+  void keep_parts(const DepthView& depth, const StratifiedSamples& samples,
+                  const InversePlane& floor, const std::uint16_t* sample) {
+    std::size_t on_mask = 0, core = 0;
+    const std::size_t width = static_cast<std::size_t>(used_.width);
+    for (int y = 0; y < used_.height; ++y)
+      count_row(sample + static_cast<std::size_t>(y) * width,
+                state_.data() + index(used_.x, used_.y + y), width, on_mask, core);
+    const std::size_t least = std::max<std::size_t>(6, on_mask / 25);
+    if (on_mask < core + least) return;
+    queue_.clear();
+    for (int y = used_.y; y < used_.y + used_.height; ++y)
+      for (int x = used_.x; x < used_.x + used_.width; ++x) {
+        if (state_[index(x, y)] != kUnknown || !sample_at(sample, x, y)) continue;
+        const std::size_t begin = queue_.size();
+        if (!collect_part(depth, samples, floor, sample, x, y) || queue_.size() - begin < least)
+          continue;
+        for (std::size_t k = begin; k < queue_.size(); ++k)
+          state_[index(queue_[k].x, queue_[k].y)] = kRegion;
+      }
+    for (const Visit& v : queue_)
+      if (state_[index(v.x, v.y)] == kPart) state_[index(v.x, v.y)] = kUnknown;
+  }
+
+  static void count_row(const std::uint16_t* STILLPOINT_RESTRICT sample,
+                        const std::uint8_t* STILLPOINT_RESTRICT state, std::size_t n,
+                        std::size_t& on_mask, std::size_t& core) {
+    unsigned measured = 0, region = 0;
+    for (std::size_t x = 0; x < n; ++x) measured += sample[x] != 0, region += state[x] == kRegion;
+    on_mask += measured, core += region;
+  }
+
+  bool sample_at(const std::uint16_t* sample, int x, int y) const {
+    return used_.contains({x, y}) &&
+           sample[static_cast<std::size_t>((y - used_.y) * used_.width + x - used_.x)] != 0;
+  }
+
+  // Adds the cells of the mask that hang together with a cell to the queue; whether their border
+  // with what is beyond the mask is one of steps.
+  bool collect_part(const DepthView& depth, const StratifiedSamples& samples,
+                    const InversePlane& floor, const std::uint16_t* sample, int x0, int y0) {
+    int steps = 0, goes_on = 0;
+    std::size_t k = queue_.size();
+    state_[index(x0, y0)] = kPart;
+    queue_.push_back({x0, y0, 0});
+    for (; k < queue_.size(); ++k) {
+      const Visit visit = queue_[k];
+      const float z = z_[index(visit.x, visit.y)], step = std::max(0.03f, 0.02f * z);
+      if (is_floor(depth, floor, place(samples, depth, visit.x, visit.y), z)) ++goes_on;
+      for (const auto& next : kNext) {
+        const int x = visit.x + next[0], y = visit.y + next[1];
+        if (!cv::Rect(0, 0, cells_.width, cells_.height).contains({x, y})) continue;
+        const std::size_t j = index(x, y);
+        if (sample_at(sample, x, y)) {
+          if (state_[j] != kUnknown || std::abs(z_[j] - z) > step) continue;
+          state_[j] = kPart;
+          queue_.push_back({x, y, 0});
+        } else {
+          const cv::Point p = place(samples, depth, x, y);
+          const float beyond = depth.to_m(depth.row(p.y)[p.x]);
+          if (beyond > z + step)
+            steps += 2;
+          else if (beyond == 0)  // cameras measure nothing beside a step, and on much else
+            ++steps;
+          else if (beyond > z - step)  // what is nearer hides where the part ends
+            goes_on += 2;
+        }
+      }
+    }
+    return steps > goes_on;
+  }
+
   static void mark_border(const std::uint8_t* s, const std::uint8_t* above,
                           const std::uint8_t* below, std::size_t n,
                           std::uint8_t* STILLPOINT_RESTRICT border) {
@@ -197,7 +273,6 @@ class RegionCells {
       if (visit.distance >= reach) continue;
       const float z = z_[index(visit.x, visit.y)];
       const float step = std::max(0.03f, 0.02f * z);
-      static constexpr int kNext[4][2] = {{-1, 0}, {1, 0}, {0, -1}, {0, 1}};
       for (const auto& next : kNext) {
         const int x = visit.x + next[0], y = visit.y + next[1];
         const std::size_t j = index(x, y);
