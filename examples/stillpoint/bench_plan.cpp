@@ -136,6 +136,14 @@ std::vector<BenchJob> make_jobs(const BenchPlan& plan, std::vector<std::string>&
     chosen.push_back(*found);
   }
   if (chosen.empty()) chosen = variants();
+  for (int px : plan.dilations_px) {
+    Variant v;
+    v.name = "dilation_" + std::to_string(px);
+    // Numbers of equal width: the table is sorted by the label.
+    v.label = "  dilation " + std::string(px < 10 ? " " : "") + std::to_string(px) + " px";
+    v.dilation_px = px;
+    chosen.push_back(v);
+  }
 
   std::vector<BenchJob> jobs;
   std::set<std::string> names;
@@ -160,6 +168,7 @@ std::vector<BenchJob> make_jobs(const BenchPlan& plan, std::vector<std::string>&
         job.settings.preset = variant.preset;
         job.settings.front_end = variant.front_end;
         job.settings.without = variant.without;
+        job.settings.dilation_px = variant.dilation_px;
         job.settings.seed = static_cast<std::uint64_t>(run);
         job.settings.segmenter = variant.front_end && variant.segmenter ? "mask_files" : "none";
         if (variant.front_end && variant.segmenter)
@@ -218,6 +227,7 @@ nlohmann::ordered_json job_key(const BenchJob& job) {
           {"front_end", s.front_end},
           {"preset", s.preset},
           {"without", s.without},
+          {"dilation_px", s.dilation_px},
           {"segmenter", s.segmenter},
           {"tracker", s.tracker},
           {"features", s.features},

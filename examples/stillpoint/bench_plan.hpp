@@ -22,6 +22,8 @@ struct Variant {
   bool truth = false;
   /// Takes the masks of a segmenter.
   bool segmenter = true;
+  /// Negative: the preset's.
+  int dilation_px = -1;
 };
 
 /// All variants, in the order of the table.
@@ -52,6 +54,8 @@ struct BenchPlan {
   std::vector<std::string> variant_names;
   std::vector<std::string> masks_folders{"masks"};
   int runs = 1;
+  /// The dilation study: the default preset with each of these, in pixels.
+  std::vector<int> dilations_px;
   /// NAME=FILE: other systems' trajectories; {} in FILE stands for the sequence's name.
   std::vector<std::string> estimates;
   /// Camera, tracker, features, frames for every job.

@@ -212,6 +212,21 @@ std::string svg(const Plot& plot) {
   return out + "</svg>\n";
 }
 
+std::string svg_grid(const std::vector<Plot>& plots, int columns) {
+  if (plots.empty()) return "";
+  const int width = plots.front().width, height = plots.front().height;
+  const int lines = (static_cast<int>(plots.size()) + columns - 1) / columns;
+  std::string out = "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 " +
+                    std::to_string(columns * width) + " " + std::to_string(lines * height) +
+                    "\" width=\"" + std::to_string(columns * width) + "\" height=\"" +
+                    std::to_string(lines * height) + "\">\n";
+  for (std::size_t i = 0; i < plots.size(); ++i)
+    out += "<g transform=\"translate(" + std::to_string(static_cast<int>(i) % columns * width) +
+           " " + std::to_string(static_cast<int>(i) / columns * height) + ")\">" + svg(plots[i]) +
+           "</g>\n";
+  return out + "</svg>\n";
+}
+
 std::string svg(const StackedBars& bars) {
   double label_width = 0, longest = 0;
   for (const std::string& l : bars.labels) label_width = std::max(label_width, text_width(l));

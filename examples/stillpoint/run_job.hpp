@@ -38,6 +38,8 @@ struct RunSettings {
   int features = 0;
   /// First frames only; 0: all.
   std::size_t frames = 0;
+  /// Dilation of the masks in pixels; negative: the preset's.
+  int dilation_px = -1;
   /// 0: the presets' own seeds; any other value is added to them.
   std::uint64_t seed = 0;
 };

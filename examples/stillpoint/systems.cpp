@@ -189,6 +189,7 @@ FrontEndSettings front_end_settings(const RunSettings& settings) {
     if (stage == "motion") front_end.use_motion = false;
     if (stage == "prediction") front_end.late.predict = false;
   }
+  if (settings.dilation_px >= 0) front_end.depth.dilation_px = settings.dilation_px;
   front_end.depth.seed += settings.seed;
   front_end.dynamic_classes = dynamic_classes(settings);
   return front_end;
