@@ -129,8 +129,13 @@ void write_page(const std::vector<Json>& results, const fs::path& out) {
   write_json(out / "results.json", {{"command", command_line()}, {"rows", rows}});
   write_file(out / "results.csv", rows_csv(rows), "table");
   write_file(out / "index.html", make_page(rows, results, command_line()), "page");
-  const std::string blur = blur_picture(rows, results);
-  if (!blur.empty()) write_file(out / "blur.svg", blur, "picture");
+  std::string pictures;
+  for (const auto& [name, picture] : {std::make_pair("blur.svg", blur_picture(rows, results)),
+                                      std::make_pair("settings.svg", setting_picture(rows))}) {
+    if (picture.empty()) continue;
+    write_file(out / name, picture, "picture");
+    pictures += std::string(", ") + name;
+  }
   std::printf("\n%s", rows_text(rows).c_str());
   const std::vector<Table> tables = paper_tables(rows);
   for (const Table& table : tables) {
@@ -141,7 +146,7 @@ void write_page(const std::vector<Json>& results, const fs::path& out) {
   }
   if (!tables.empty()) std::printf("\n%s", paper_legend());
   std::printf("\nwritten: %s, results.csv, results.json%s\n", (out / "index.html").string().c_str(),
-              blur.empty() ? "" : ", blur.svg");
+              pictures.c_str());
 }
 
 /// Does the jobs that are not done yet, some at a time. Returns false if one of them broke off.
@@ -291,12 +296,11 @@ void add_bench_command(CLI::App& app) {
           50, 100000);
   between(command->add_option("--frames", plan.common.frames, "Only the first N frames  [all]"), 1,
           1000000);
-  between(command->add_option("--dilation", plan.dilations_px,
-                              "Also the default preset with these dilations, pixels: 0,5,10,20"),
-          0, 99)
+  command
+      ->add_option("--vary", plan.vary,
+                   "Also the default preset with one setting changed: dilation_px=0,5,10,20")
       ->allow_extra_args(false)
-      ->delimiter(',')
-      ->type_name("N,...");
+      ->type_name("NAME=N,...");
   command
       ->add_option("--shard", options->shard,
                    "Do only part I of N of the runs, 0 <= I < N; no page")
@@ -322,6 +326,7 @@ Examples:
   stillpoint bench walk_xyz walk_rpy --out bench
   stillpoint bench walk_xyz --out bench --runs 5 --masks-folder masks --masks-folder masks_4hz
   stillpoint bench walk_* --out bench --variants off,default,truth
+  stillpoint bench walk_* --out bench --variants off,default --vary dilation_px=0,5,10,20
   stillpoint bench walk_* --out bench --estimate 'orb_slam3=results/{}.txt'
 The ten sequences of the paper (scripts/download_tum, scripts/download_bonn), beside what it prints:
   stillpoint bench --paper data --out bench

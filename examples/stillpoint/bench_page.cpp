@@ -419,9 +419,9 @@ std::string make_page(const Json& rows, const std::vector<Json>& results,
           "the first camera and from above. People who were not masked stay as ghosts; a lost "
           "trajectory doubles the room.</p>\n" +
           maps;
-    const std::string dilation = dilation_plots(own_rows);
-    if (!dilation.empty())
-      out += "<h3>Dilation of the masks</h3><div class=\"figures\">" + dilation + "</div>\n";
+    const std::string settings = setting_plots(own_rows);
+    if (!settings.empty())
+      out += "<h3>Settings</h3><div class=\"figures\">" + settings + "</div>\n";
     out += "<h3>Masks and keypoints</h3>\n" + detail_table(own_rows);
     out += "<h3>Time</h3>\n" + times(own_rows);
   }

@@ -135,7 +135,7 @@ std::vector<Table> paper_tables(const Json& rows) {
   });
   if (!any) return {};
   const std::vector<std::pair<std::string, std::string>> presets{{"off", "ours: off"},
-                                                                 {"paper", "ours: paper preset"},
+                                                                 {"paper", "ours: paper"},
                                                                  {"default", "ours: default"},
                                                                  {"motion", "ours: motion"}};
   std::vector<Table> tables;

@@ -85,6 +85,8 @@ Json make_row(const std::vector<const Json*>& runs) {
     for (const char* key : {"median", "p95"})
       row[std::string("ms_") + stage + "_" + key] = median(values({"times_ms", stage, key}));
   row["peak_memory_mb"] = quantile(values({"peak_memory_mb"}), 1);
+  row["varied"] = job.value("varied", std::string());
+  row["varied_value"] = job.value("varied_value", 0.0);
   row["best"] = false;
   row["error"] = error;
   return row;
@@ -149,8 +151,9 @@ std::vector<Json> read_results(const std::vector<fs::path>& folders) {
     const std::string block =
         label.back() == ']' ? job["masks_folder"].get<std::string>() : std::string();
     return std::make_tuple(job["sequence"].get<std::string>(), block,
-                           variant_order(job["variant"].get<std::string>()), label,
-                           job["run"].get<int>());
+                           variant_order(job["variant"].get<std::string>()),
+                           job.value("varied", std::string()), job.value("varied_value", 0.0),
+                           label, job["run"].get<int>());
   };
   std::sort(found.begin(), found.end(), [&](const auto& a, const auto& b) {
     const auto ka = key(a.second), kb = key(b.second);

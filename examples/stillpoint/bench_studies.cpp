@@ -164,33 +164,67 @@ std::vector<Plot> frame_plots(const std::vector<Json>& results) {
   return plots;
 }
 
+/// Three plots per setting: error, keypoints of the whole picture, mask IoU.
+std::vector<Plot> plots_of_settings(const std::vector<const Json*>& rows) {
+  std::map<std::string, std::set<double>> settings;
+  std::vector<std::string> sequences;
+  for (const Json* row : rows) {
+    const std::string name = row->value("varied", "");
+    if (name.empty()) continue;
+    settings[name].insert(number_at(*row, "varied_value"));
+    if (std::find(sequences.begin(), sequences.end(), (*row)["sequence"]) == sequences.end())
+      sequences.push_back((*row)["sequence"]);
+  }
+  std::vector<Plot> plots;
+  for (const auto& [name, values] : settings) {
+    if (values.size() < 2) continue;
+    Plot error = axes("Error against " + name + " (gaps: failed)", name, "ATE RMSE [mm], median");
+    Plot points = axes("Keypoints of the whole picture against " + name, name, "share [%]");
+    Plot iou = axes("Mask IoU against " + name, name, "IoU before dilation");
+    for (std::size_t s = 0; s < sequences.size(); ++s) {
+      const std::string who = sequences.size() > 1 ? sequences[s] : "";
+      Series e{who.empty() ? "error" : who, palette(s), {}, {}};
+      Series i = e;
+      Series kept{(who.empty() ? "" : who + ", ") + "static, kept", palette(s), {}, {}};
+      Series removed{(who.empty() ? "" : who + ", ") + "on people, removed", palette(s), {}, {}};
+      removed.dashed = true;
+      for (double value : values)
+        for (const Json* row : rows) {
+          if (row->value("varied", "") != name || number_at(*row, "varied_value") != value ||
+              (*row)["sequence"] != sequences[s])
+            continue;
+          for (Series* line : {&e, &i, &kept, &removed}) line->x.push_back(value);
+          e.y.push_back((*row)["failed"] == "" ? 1000 * number_at(*row, "ate_rmse_m") : kNaN);
+          i.y.push_back(number_at(*row, "mask_iou_after"));
+          kept.y.push_back(100 * number_at(*row, "keypoints_static_kept"));
+          removed.y.push_back(100 * number_at(*row, "keypoints_recall"));
+          break;
+        }
+      error.series.push_back(e);
+      iou.series.push_back(i);
+      points.series.push_back(kept);
+      points.series.push_back(removed);
+    }
+    for (Plot* plot : {&error, &points, &iou}) {
+      plot->y_from_zero = true;
+      plots.push_back(*plot);
+    }
+  }
+  return plots;
+}
+
 }  // namespace
 
-std::string dilation_plots(const std::vector<const Json*>& rows) {
-  Plot error = axes("Error against dilation", "dilation [px]", "ATE RMSE [mm]");
-  Plot kept = axes("Kept keypoints against dilation", "dilation [px]", "keypoints per frame");
-  std::map<int, const Json*> by_size;
-  const std::string prefix = "dilation_";
-  for (const Json* row : rows) {
-    const std::string variant = (*row)["variant"];
-    if (variant.compare(0, prefix.size(), prefix) == 0)
-      by_size.emplace(std::stoi(variant.substr(prefix.size())), row);
-  }
-  if (by_size.size() < 2) return "";
-  Series e{"median of the runs", palette(0), {}, {}}, worst{"worst", palette(0), {}, {}},
-      k{"kept", palette(2), {}, {}};
-  worst.dashed = true;
-  for (const auto& [px, row] : by_size) {
-    const bool failed = (*row)["failed"] != "";
-    for (Series* s : {&e, &worst, &k}) s->x.push_back(px);
-    e.y.push_back(failed ? kNaN : 1000 * number_at(*row, "ate_rmse_m"));
-    worst.y.push_back(failed ? kNaN : 1000 * number_at(*row, "ate_rmse_worst_m"));
-    k.y.push_back(number_at(*row, "keypoints_kept"));
-  }
-  error.series = {e, worst};
-  error.y_from_zero = true;
-  kept.series = {k};
-  return svg(error) + svg(kept);
+std::string setting_plots(const std::vector<const Json*>& rows) {
+  std::string out;
+  for (const Plot& plot : plots_of_settings(rows)) out += svg(plot);
+  return out;
+}
+
+std::string setting_picture(const Json& rows) {
+  std::vector<const Json*> all;
+  for (const Json& row : rows) all.push_back(&row);
+  return svg_grid(plots_of_settings(all), 3);
 }
 
 std::string blur_plots(const Json& rows, const std::vector<Json>& results) {

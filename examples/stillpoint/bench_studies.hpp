@@ -7,9 +7,13 @@
 
 namespace stillpoint::cli {
 
-/// The dilation study of one sequence (paper Fig. 12) as <svg> elements: error, and keypoints that
-/// are kept, against dilation. Empty if fewer than two dilations were run. `rows`: of the sequence.
-std::string dilation_plots(const std::vector<const nlohmann::ordered_json*>& rows);
+/// Error, and what is kept and removed of the keypoints of the whole picture, against each setting
+/// that was varied (with dilation_px: the paper's Fig. 12), as <svg> elements: one line per
+/// sequence of `rows`, with its name if there are more. Empty if no setting has two values.
+std::string setting_plots(const std::vector<const nlohmann::ordered_json*>& rows);
+
+/// The same as one picture (an SVG file), or empty.
+std::string setting_picture(const nlohmann::ordered_json& rows);
 
 /// The blur study as <svg> elements: mask IoU, missed pixels and error of all frames of all results
 /// against the true motion during the exposure (where blur.csv tells it) and against sharpness;
