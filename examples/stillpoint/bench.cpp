@@ -338,6 +338,9 @@ Each run writes its result to DIR/runs/ when it is done. The same command again 
 stopped; results of other settings, inputs or another build of the program are made anew. Then
 DIR/index.html (one page that needs no other file), DIR/results.csv and DIR/results.json are made.
 
+Sequences that differ in the shutter only, named NAME_00ms, NAME_20ms, ... (scripts/demo --blur makes
+them), also give plots of the error against it: DIR/blur.svg. --vary gives DIR/settings.svg.
+
 Coverage stands beside every error: a tracker that is soon lost has a small error over few frames, so
 rows under 95 % are marked as failed.)");
   command->callback([options, command] {
