@@ -206,9 +206,11 @@ bool run_jobs(const std::vector<BenchJob>& jobs, const BenchOptions& options) {
 
 void bench(const BenchOptions& options) {
   if (!options.merge.empty()) {
-    if (!options.plan.sequences.empty())
-      throw CLI::ValidationError("--merge", "runs nothing, so it takes no SEQUENCE; found " +
-                                                options.plan.sequences.front().string());
+    if (!options.plan.sequences.empty() || !options.paper.empty())
+      throw CLI::ValidationError(
+          "--merge",
+          "runs nothing, so it takes no SEQUENCE and no --paper; found " +
+              (options.paper.empty() ? options.plan.sequences.front() : options.paper).string());
     const std::vector<Json> results = read_results(options.merge);
     if (results.empty())
       throw Error("bench: no results in " + (options.merge.front() / "runs").string());

@@ -109,6 +109,8 @@ const std::vector<PaperSequence>& paper_sequences() {
 std::vector<BenchJob> make_paper_jobs(const BenchPlan& plan, const fs::path& data,
                                       std::vector<std::string>& notes) {
   std::vector<BenchJob> jobs;
+  if (plan.common.frames > 0)
+    notes.push_back("--frames: parts of sequences cannot be compared with the published numbers");
   for (const PaperSequence& s : paper_sequences()) {
     if (!fs::is_regular_file(data / s.folder / "rgb.txt")) {
       notes.push_back(std::string(s.folder) + ": not in " + data.string() + " (scripts/download_" +
