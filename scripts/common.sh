@@ -7,7 +7,8 @@ jobs=$(nproc)
 # What the command line needs, and what the tests and benchmarks need on top.
 packages_build=(cmake g++ ninja-build pkg-config libeigen3-dev libopencv-dev libflann-dev
                 libnanoflann-dev libceres-dev libyaml-cpp-dev nlohmann-json3-dev libcli11-dev)
-packages_test=("${packages_build[@]}" ccache clang libgtest-dev libbenchmark-dev python3-onnx)
+packages_test=("${packages_build[@]}" ccache clang libgtest-dev libbenchmark-dev doxygen
+               python3-onnx)
 
 # Prints which of the given Debian packages are not installed.
 missing_packages() {

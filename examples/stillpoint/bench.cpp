@@ -10,8 +10,10 @@
 #include <set>
 #include <thread>
 
+#include "bench_paper.hpp"
 #include "bench_plan.hpp"
 #include "bench_results.hpp"
+#include "bench_studies.hpp"
 #include "commands.hpp"
 #include "options.hpp"
 #include "stillpoint/core/error.hpp"
@@ -27,6 +29,8 @@ using Json = nlohmann::ordered_json;
 struct BenchOptions {
   BenchPlan plan;
   fs::path out;
+  /// Folder with the sequences of the paper; empty: not asked for.
+  fs::path paper;
   std::string shard;
   std::vector<fs::path> merge;
   int parallel = 1;
@@ -125,8 +129,24 @@ void write_page(const std::vector<Json>& results, const fs::path& out) {
   write_json(out / "results.json", {{"command", command_line()}, {"rows", rows}});
   write_file(out / "results.csv", rows_csv(rows), "table");
   write_file(out / "index.html", make_page(rows, results, command_line()), "page");
-  std::printf("\n%s\nwritten: %s, results.csv, results.json\n", rows_text(rows).c_str(),
-              (out / "index.html").string().c_str());
+  std::string pictures;
+  for (const auto& [name, picture] : {std::make_pair("blur.svg", blur_picture(rows, results)),
+                                      std::make_pair("settings.svg", setting_picture(rows))}) {
+    if (picture.empty()) continue;
+    write_file(out / name, picture, "picture");
+    pictures += std::string(", ") + name;
+  }
+  std::printf("\n%s", rows_text(rows).c_str());
+  const std::vector<Table> tables = paper_tables(rows);
+  for (const Table& table : tables) {
+    TextTable text(table.header);
+    text.rule();
+    for (const std::vector<std::string>& row : table.rows) text.add(row);
+    std::printf("\n%s\n%s", table.title.c_str(), text.text().c_str());
+  }
+  if (!tables.empty()) std::printf("\n%s", paper_legend());
+  std::printf("\nwritten: %s, results.csv, results.json%s\n", (out / "index.html").string().c_str(),
+              pictures.c_str());
 }
 
 /// Does the jobs that are not done yet, some at a time. Returns false if one of them broke off.
@@ -186,9 +206,11 @@ bool run_jobs(const std::vector<BenchJob>& jobs, const BenchOptions& options) {
 
 void bench(const BenchOptions& options) {
   if (!options.merge.empty()) {
-    if (!options.plan.sequences.empty())
-      throw CLI::ValidationError("--merge", "runs nothing, so it takes no SEQUENCE; found " +
-                                                options.plan.sequences.front().string());
+    if (!options.plan.sequences.empty() || !options.paper.empty())
+      throw CLI::ValidationError(
+          "--merge",
+          "runs nothing, so it takes no SEQUENCE and no --paper; found " +
+              (options.paper.empty() ? options.plan.sequences.front() : options.paper).string());
     const std::vector<Json> results = read_results(options.merge);
     if (results.empty())
       throw Error("bench: no results in " + (options.merge.front() / "runs").string());
@@ -196,13 +218,18 @@ void bench(const BenchOptions& options) {
     write_page(results, options.out);
     return;
   }
-  if (options.plan.sequences.empty())
-    throw CLI::RequiredError("SEQUENCE (or --merge with folders of results)");
+  if (options.plan.sequences.empty() && options.paper.empty())
+    throw CLI::RequiredError("SEQUENCE (or --paper DATA_DIR, or --merge with folders of results)");
+  if (!options.plan.sequences.empty() && !options.paper.empty())
+    throw CLI::ValidationError("--paper", "finds its sequences, so it takes no SEQUENCE; found " +
+                                              options.plan.sequences.front().string());
   const Shard shard = options.shard.empty() ? Shard() : parse_shard(options.shard);
   std::vector<std::string> notes;
   std::vector<BenchJob> jobs;
   {
-    const std::vector<BenchJob> all = make_jobs(options.plan, notes);
+    const std::vector<BenchJob> all = options.paper.empty()
+                                          ? make_jobs(options.plan, notes)
+                                          : make_paper_jobs(options.plan, options.paper, notes);
     for (std::size_t i = shard.index; i < all.size(); i += shard.count) jobs.push_back(all[i]);
   }
   for (const std::string& note : notes) std::printf("note: %s\n", note.c_str());
@@ -239,7 +266,12 @@ void add_bench_command(CLI::App& app) {
   command->add_option("--out", options->out, "Folder for the results")
       ->required()
       ->type_name("DIR");
-  between(command->add_option("--runs", plan.runs, "Of each variant, each with its own seed  [1]"),
+  command
+      ->add_option("--paper", options->paper,
+                   "The ten sequences of the paper in this folder; prints its Tables 1 to 4")
+      ->type_name("DATA_DIR");
+  between(command->add_option("--runs", plan.runs,
+                              "Of each variant, each with its own seed  [1; --paper: 5]"),
           1, 1000);
   command
       ->add_option("--masks-folder", plan.masks_folders,
@@ -261,10 +293,16 @@ void add_bench_command(CLI::App& app) {
   choices(command->add_option("--tracker", plan.common.tracker,
                               "The system that tracks  [" + default_tracker() + "]"),
           tracker_names());
-  between(command->add_option("--features", plan.common.features, "Keypoints per frame  [1000]"),
+  between(command->add_option("--features", plan.common.features,
+                              "Keypoints per frame  [1000; --paper: 3000]"),
           50, 100000);
   between(command->add_option("--frames", plan.common.frames, "Only the first N frames  [all]"), 1,
           1000000);
+  command
+      ->add_option("--vary", plan.vary,
+                   "Also the default preset with one setting changed: dilation_px=0,5,10,20")
+      ->allow_extra_args(false)
+      ->type_name("NAME=N,...");
   command
       ->add_option("--shard", options->shard,
                    "Do only part I of N of the runs, 0 <= I < N; no page")
@@ -290,7 +328,10 @@ Examples:
   stillpoint bench walk_xyz walk_rpy --out bench
   stillpoint bench walk_xyz --out bench --runs 5 --masks-folder masks --masks-folder masks_4hz
   stillpoint bench walk_* --out bench --variants off,default,truth
+  stillpoint bench walk_* --out bench --variants off,default --vary dilation_px=0,5,10,20
   stillpoint bench walk_* --out bench --estimate 'orb_slam3=results/{}.txt'
+The ten sequences of the paper (scripts/download_tum, scripts/download_bonn), beside what it prints:
+  stillpoint bench --paper data --out bench
 On many machines, then one page of all:
   stillpoint bench walk_* --out shard3 --runs 5 --shard 3/16
   stillpoint bench --merge shard* --out bench
@@ -299,9 +340,19 @@ Each run writes its result to DIR/runs/ when it is done. The same command again 
 stopped; results of other settings, inputs or another build of the program are made anew. Then
 DIR/index.html (one page that needs no other file), DIR/results.csv and DIR/results.json are made.
 
+Sequences that differ in the shutter only, named NAME_00ms, NAME_20ms, ... (scripts/demo --blur makes
+them), also give plots of the error against it: DIR/blur.svg. --vary gives DIR/settings.svg.
+
 Coverage stands beside every error: a tracker that is soon lost has a small error over few frames, so
 rows under 95 % are marked as failed.)");
-  command->callback([options] { bench(*options); });
+  command->callback([options, command] {
+    if (!options->paper.empty()) {
+      // As the paper did, unless told otherwise.
+      if (command->count("--runs") == 0) options->plan.runs = 5;
+      if (command->count("--features") == 0) options->plan.common.features = 3000;
+    }
+    bench(*options);
+  });
 }
 
 }  // namespace stillpoint::cli

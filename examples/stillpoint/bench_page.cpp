@@ -4,7 +4,9 @@
 #include <limits>
 #include <set>
 
+#include "bench_paper.hpp"
 #include "bench_results.hpp"
+#include "bench_studies.hpp"
 #include "overlay.hpp"
 #include "plot.hpp"
 #include "terminal.hpp"
@@ -28,7 +30,8 @@ th, td { padding: 3px 9px; text-align: right; white-space: nowrap; border-bottom
 th { background: #f4f5f7; font-weight: 600; vertical-align: bottom; }
 th.group { text-align: center; border-left: 1px solid #ddd; }
 td:first-child, th:first-child { text-align: left; white-space: pre; }
-tr.failed td, td.failed { color: #a33; background: #fdf1f0; } .figures { display: flex; flex-wrap: wrap; gap: 12px; } svg { max-width: 100%; height: auto; }
+tr.failed td, td.failed { color: #a33; background: #fdf1f0; } td.best { font-weight: 700; }
+.figures { display: flex; flex-wrap: wrap; gap: 12px; } svg { max-width: 100%; height: auto; }
 figure { margin: 0; max-width: 100%; } figure img { max-width: 100%; display: block; }
 figcaption { font-size: 13px; color: #555; padding: 2px 0 10px; }
 code { background: #f4f5f7; padding: 1px 4px; border-radius: 3px; }
@@ -55,7 +58,9 @@ std::vector<double> column(const Json& points, std::size_t axis) {
   return out;
 }
 
-std::string cell(const std::string& text) { return "<td>" + escape_html(text) + "</td>"; }
+std::string cell(const std::string& text, const char* attribute = "") {
+  return std::string("<td") + attribute + ">" + escape_html(text) + "</td>";
+}
 
 std::string head(const char* groups, std::initializer_list<const char*> names) {
   std::string out = "<div class=\"scroll\"><table><thead><tr>";
@@ -63,6 +68,19 @@ std::string head(const char* groups, std::initializer_list<const char*> names) {
   out += "</tr><tr>";
   for (const char* name : names) out += std::string("<th>") + name + "</th>";
   return out + "</tr></thead><tbody>\n";
+}
+
+std::string html(const Table& table) {
+  std::string out = "<div class=\"scroll\"><table><thead><tr>";
+  for (const std::string& name : table.header) out += "<th>" + escape_html(name) + "</th>";
+  out += "</tr></thead><tbody>\n";
+  for (const std::vector<std::string>& row : table.rows) {
+    out += "<tr>";
+    for (const std::string& text : row)
+      out += cell(text, text.compare(0, 6, "failed") == 0 ? " class=\"failed\"" : "");
+    out += "</tr>\n";
+  }
+  return out + "</tbody></table></div>\n";
 }
 
 std::string begin_row(const Json& row) {
@@ -81,17 +99,21 @@ std::string accuracy_table(const std::vector<const Json*>& rows) {
   std::string out = head(
       "<th rowspan=\"2\">variant</th><th rowspan=\"2\">runs</th><th "
       "rowspan=\"2\">coverage<br>%</th>"
-      "<th class=\"group\" colspan=\"4\">ATE [m]</th><th class=\"group\" colspan=\"2\">RPE</th>"
+      "<th class=\"group\" colspan=\"5\">ATE [m]</th><th class=\"group\" colspan=\"2\">RPE</th>"
       "<th class=\"group\" colspan=\"2\">mask IoU</th>"
       "<th class=\"group\" colspan=\"2\">keypoints</th>",
-      {"RMSE", "worst", "spread", "S.D.", "m", "deg", "before", "after", "kept", "on people %"});
+      {"RMSE", "worst", "mean", "spread", "S.D.", "m", "deg", "before", "after", "kept",
+       "on people %"});
   for (const Json* row : rows)
     out += begin_row(*row) + cell(std::to_string((*row)["runs"].get<int>())) +
-           at(*row, "coverage_min", 1, 100) + at(*row, "ate_rmse_m", 4) +
-           at(*row, "ate_rmse_worst_m", 4) + at(*row, "ate_rmse_spread_m", 4) +
-           at(*row, "ate_sd_m", 4) + at(*row, "rpe_trans_m", 4) + at(*row, "rpe_rot_deg", 3) +
-           at(*row, "mask_iou_before", 3) + at(*row, "mask_iou_after", 3) +
-           at(*row, "keypoints_kept", 0) + at(*row, "keypoints_kept_on_people", 2, 100) + "</tr>\n";
+           at(*row, "coverage_min", 1, 100) +
+           cell(fixed(number_at(*row, "ate_rmse_m"), 4),
+                (*row)["best"].get<bool>() ? " class=\"best\"" : "") +
+           at(*row, "ate_rmse_worst_m", 4) + at(*row, "ate_rmse_mean_m", 4) +
+           at(*row, "ate_rmse_spread_m", 4) + at(*row, "ate_sd_m", 4) + at(*row, "rpe_trans_m", 4) +
+           at(*row, "rpe_rot_deg", 3) + at(*row, "mask_iou_before", 3) +
+           at(*row, "mask_iou_after", 3) + at(*row, "keypoints_kept", 0) +
+           at(*row, "keypoints_kept_on_people", 2, 100) + "</tr>\n";
   return out + "</tbody></table></div>\n";
 }
 
@@ -264,20 +286,24 @@ std::string pictures(const std::vector<const Json*>& results, const char* key) {
     if (!off && (*r)["job"]["variant"] == "off") off = r;
     if (!on && (*r)["job"]["variant"] == "default") on = r;
   }
-  std::string out;
-  for (const Json* r : {off, on}) {
-    if (!r) continue;
-    out += "<h4>" + std::string(r == off ? "Front end off" : "Front end on, " + trimmed_label(*r)) +
-           "</h4>\n<div class=\"figures\">";
-    for (const Json& file : (*r)[key]) {
-      const fs::path path = fs::path((*r)["folder"].get<std::string>()) / file.get<std::string>();
+  // Off on the left, on to its right: the same frame, the same view.
+  std::string out = "<div class=\"figures\">\n";
+  std::size_t count = 0;
+  for (const Json* r : {off, on})
+    if (r) count = std::max(count, (*r)[key].size());
+  for (std::size_t i = 0; i < count; ++i)
+    for (const Json* r : {off, on}) {
+      if (!r || i >= (*r)[key].size()) continue;
+      const fs::path path =
+          fs::path((*r)["folder"].get<std::string>()) / (*r)[key][i].get<std::string>();
       if (!fs::exists(path)) continue;
+      const std::string caption =
+          (r == off ? "front end off, " : "front end on, ") + path.stem().string();
       out += "<figure><img width=\"524\" src=\"" + data_uri(path.string()) + "\" alt=\"" +
-             escape_html(path.stem().string()) + "\"></figure>\n";
+             escape_html(caption) + "\"><figcaption>" + escape_html(caption) +
+             "</figcaption></figure>\n";
     }
-    out += "</div>\n";
-  }
-  return out;
+  return off || on ? out + "</div>\n" : "";
 }
 
 /// All sequences at a glance: ATE by variant and sequence, coverage beside it.
@@ -287,8 +313,10 @@ std::string overview(const Json& rows, const std::vector<std::string>& sequences
     if (std::find(labels.begin(), labels.end(), row["label"]) == labels.end())
       labels.push_back(row["label"]);
   std::string out =
-      "<h2>All sequences</h2>\n<p class=\"note\">ATE RMSE in metres, coverage in brackets; red: "
-      "failed.</p><div class=\"scroll\"><table><thead><tr><th>variant</th>";
+      "<h2>All sequences</h2>\n<p class=\"note\">ATE RMSE in metres, coverage in brackets; bold: "
+      "smallest "
+      "of the sequence, failed rows and exact masks aside; red: failed.</p><div "
+      "class=\"scroll\"><table><thead><tr><th>variant</th>";
   for (const std::string& s : sequences)
     out += "<th><a href=\"#" + escape_html(s) + "\">" + escape_html(s) + "</a></th>";
   out += "</tr></thead><tbody>\n";
@@ -301,6 +329,7 @@ std::string overview(const Json& rows, const std::vector<std::string>& sequences
           text = fixed(number_at(row, "ate_rmse_m"), 4) + " (" +
                  fixed(100 * number_at(row, "coverage_min"), 0) + " %)";
           if (!row["failed"].get<std::string>().empty()) attribute = " class=\"failed\"";
+          if (row["best"].get<bool>()) attribute = " class=\"best\"";
         }
       out += "<td" + attribute + ">" + escape_html(text) + "</td>";
     }
@@ -344,9 +373,24 @@ std::string make_page(const Json& rows, const std::vector<Json>& results,
       "the frames with ground truth that have a pose; an error counts only beside it, so rows "
       "under "
       "95&nbsp;% are marked as failed. ATE is the absolute trajectory error after SE(3) alignment "
-      "(no scale); with more than one run its median, with the worst beside it.</p>\n";
+      "(no scale); with more than one run its median, with worst, mean and spread (standard "
+      "deviation) beside it.</p>\n";
 
   if (sequences.size() > 1) out += overview(rows, sequences);
+  const std::vector<Table> published = paper_tables(rows);
+  if (!published.empty()) {
+    out += "<h2>Beside the published numbers</h2>\n";
+    for (const Table& table : published) out += "<h3>" + table.title + "</h3>\n" + html(table);
+    out += "<p class=\"note\">" + escape_html(paper_legend()) + "</p>\n";
+  }
+  const std::string blur = blur_plots(rows, results);
+  if (!blur.empty())
+    out +=
+        "<h2>Blur</h2>\n<p class=\"note\">All frames of all sequences and runs on this page, in "
+        "groups of equally many. <i>Missed</i>: share of the people's pixels that a mask lacks "
+        "before dilation; the given masks are what the segmenter found.</p><div "
+        "class=\"figures\">" +
+        blur + "</div>\n";
   for (const std::string& sequence : sequences) {
     std::vector<const Json*> own_rows, own_results;
     for (const Json& row : rows)
@@ -375,6 +419,9 @@ std::string make_page(const Json& rows, const std::vector<Json>& results,
           "the first camera and from above. People who were not masked stay as ghosts; a lost "
           "trajectory doubles the room.</p>\n" +
           maps;
+    const std::string settings = setting_plots(own_rows);
+    if (!settings.empty())
+      out += "<h3>Settings</h3><div class=\"figures\">" + settings + "</div>\n";
     out += "<h3>Masks and keypoints</h3>\n" + detail_table(own_rows);
     out += "<h3>Time</h3>\n" + times(own_rows);
   }

@@ -7,7 +7,9 @@
 #include <set>
 
 #include "stillpoint/core/error.hpp"
+#include "stillpoint/io/text_file.hpp"
 #include "stillpoint/version.hpp"
+#include "systems.hpp"
 
 namespace stillpoint::cli {
 namespace {
@@ -123,6 +125,35 @@ BenchJob estimate_job(const std::string& text, const std::string& sequence) {
   return job;
 }
 
+/// The variants of "NAME=VALUE,VALUE,...".
+std::vector<Variant> varied(const std::string& text) {
+  const std::size_t equals = text.find('=');
+  const std::string name = text.substr(0, equals);
+  std::vector<Variant> all;
+  for (std::size_t at = equals; at != std::string::npos;) {
+    const std::size_t comma = text.find(',', at + 1);
+    const std::string word =
+        text.substr(at + 1, comma == std::string::npos ? comma : comma - at - 1);
+    const auto value = detail::parse_number(word);
+    if (!value)
+      throw Error("--vary: expected NAME=NUMBER,NUMBER,..., e.g. dilation_px=0,5,10, found \"" +
+                  text + "\"");
+    Variant v;
+    v.name = name + "=" + word;
+    v.label = "  " + name + " = " + word;
+    v.varied = name;
+    v.varied_value = *value;
+    FrontEndSettings settings;
+    change_setting(settings, name, *value);  // says what is wrong with the name
+    all.push_back(v);
+    at = comma;
+  }
+  if (all.empty())
+    throw Error("--vary: expected NAME=NUMBER,NUMBER,..., e.g. dilation_px=0,5,10, found \"" +
+                text + "\"");
+  return all;
+}
+
 std::vector<BenchJob> make_jobs(const BenchPlan& plan, std::vector<std::string>& notes) {
   std::vector<Variant> chosen;
   for (const std::string& name : plan.variant_names) {
@@ -136,6 +167,8 @@ std::vector<BenchJob> make_jobs(const BenchPlan& plan, std::vector<std::string>&
     chosen.push_back(*found);
   }
   if (chosen.empty()) chosen = variants();
+  for (const std::string& text : plan.vary)
+    for (Variant& v : varied(text)) chosen.push_back(std::move(v));
 
   std::vector<BenchJob> jobs;
   std::set<std::string> names;
@@ -160,6 +193,8 @@ std::vector<BenchJob> make_jobs(const BenchPlan& plan, std::vector<std::string>&
         job.settings.preset = variant.preset;
         job.settings.front_end = variant.front_end;
         job.settings.without = variant.without;
+        job.settings.varied = variant.varied;
+        job.settings.varied_value = variant.varied_value;
         job.settings.seed = static_cast<std::uint64_t>(run);
         job.settings.segmenter = variant.front_end && variant.segmenter ? "mask_files" : "none";
         if (variant.front_end && variant.segmenter)
@@ -218,6 +253,8 @@ nlohmann::ordered_json job_key(const BenchJob& job) {
           {"front_end", s.front_end},
           {"preset", s.preset},
           {"without", s.without},
+          {"varied", s.varied},
+          {"varied_value", s.varied_value},
           {"segmenter", s.segmenter},
           {"tracker", s.tracker},
           {"features", s.features},

@@ -22,6 +22,9 @@ struct Variant {
   bool truth = false;
   /// Takes the masks of a segmenter.
   bool segmenter = true;
+  /// One setting with another value than the preset's; empty: none.
+  std::string varied = {};
+  double varied_value = 0;
 };
 
 /// All variants, in the order of the table.
@@ -52,6 +55,8 @@ struct BenchPlan {
   std::vector<std::string> variant_names;
   std::vector<std::string> masks_folders{"masks"};
   int runs = 1;
+  /// NAME=VALUE,VALUE,...: the default preset with one setting changed, a row for each value.
+  std::vector<std::string> vary;
   /// NAME=FILE: other systems' trajectories; {} in FILE stands for the sequence's name.
   std::vector<std::string> estimates;
   /// Camera, tracker, features, frames for every job.

@@ -71,6 +71,7 @@ Json make_row(const std::vector<const Json*>& runs) {
                                  ? std::sqrt(spread / static_cast<double>(ate.size() - 1))
                                  : std::numeric_limits<double>::quiet_NaN();
   row["ate_sd_m"] = median(values({"evaluation", "ate_sd_m"}));
+  row["ate_sd_mean_m"] = mean(values({"evaluation", "ate_sd_m"}));
   for (const char* key : {"rpe_trans_m", "rpe_rot_deg"})
     row[key] = median(values({"evaluation", key}));
   for (const char* key :
@@ -84,8 +85,26 @@ Json make_row(const std::vector<const Json*>& runs) {
     for (const char* key : {"median", "p95"})
       row[std::string("ms_") + stage + "_" + key] = median(values({"times_ms", stage, key}));
   row["peak_memory_mb"] = quantile(values({"peak_memory_mb"}), 1);
+  row["varied"] = job.value("varied", std::string());
+  row["varied_value"] = job.value("varied_value", 0.0);
+  row["best"] = false;
   row["error"] = error;
   return row;
+}
+
+/// Marks the smallest error of each sequence. What failed has an error over few frames, which is no
+/// error to compare; exact masks nobody has.
+void mark_best(Json& rows) {
+  for (Json& row : rows) {
+    const auto counts = [](const Json& r) {
+      return r["failed"] == "" && r["variant"] != "truth" &&
+             std::isfinite(number_at(r, {"ate_rmse_m"}));
+    };
+    row["best"] = counts(row) && std::none_of(rows.begin(), rows.end(), [&](const Json& other) {
+                    return other["sequence"] == row["sequence"] && counts(other) &&
+                           number_at(other, {"ate_rmse_m"}) < number_at(row, {"ate_rmse_m"});
+                  });
+  }
 }
 
 std::string csv_cell(const Json& value) {
@@ -132,8 +151,9 @@ std::vector<Json> read_results(const std::vector<fs::path>& folders) {
     const std::string block =
         label.back() == ']' ? job["masks_folder"].get<std::string>() : std::string();
     return std::make_tuple(job["sequence"].get<std::string>(), block,
-                           variant_order(job["variant"].get<std::string>()), label,
-                           job["run"].get<int>());
+                           variant_order(job["variant"].get<std::string>()),
+                           job.value("varied", std::string()), job.value("varied_value", 0.0),
+                           label, job["run"].get<int>());
   };
   std::sort(found.begin(), found.end(), [&](const auto& a, const auto& b) {
     const auto ka = key(a.second), kb = key(b.second);
@@ -159,6 +179,7 @@ Json make_rows(const std::vector<Json>& results) {
     rows.push_back(make_row(runs));
     begin = end;
   }
+  mark_best(rows);
   return rows;
 }
 
@@ -187,7 +208,9 @@ std::string rows_text(const Json& rows) {
       failed = failed || !why.empty();
       std::vector<std::string> cells{row["label"],
                                      at("coverage_min", 1, 100) + " %" + (why.empty() ? "" : " !"),
-                                     at("ate_rmse_m", 4) + (why.empty() ? "" : " !")};
+                                     at("ate_rmse_m", 4) + (!why.empty()  ? " !"
+                                                            : row["best"] ? " *"
+                                                                          : "")};
       if (why == "error") cells[1] = "error !";
       if (most_runs > 1) cells.push_back(at("ate_rmse_worst_m", 4));
       cells.push_back(at("ate_sd_m", 4));
@@ -211,6 +234,7 @@ std::string rows_text(const Json& rows) {
       "front end, undilated;\nkept: keypoints per frame that reach the tracker, and how many of "
       "them lie "
       "on people; stages: median ms per frame.\n";
+  out += "*  smallest error of the sequence, failed rows and exact masks aside.\n";
   if (failed)
     out +=
         "!  failed: under 95 % coverage (an error over few frames says nothing), or the run broke "

@@ -115,9 +115,20 @@ std::string svg(const Plot& plot) {
     widen(yr, 0.05);
   if (!(xr.span() > 0)) widen(xr, 0.05);
 
-  const bool legend = plot.legend && plot.series.size() > 1;
+  // The legend's lines, as many names in each as fit.
+  std::vector<std::vector<const Series*>> legend;
+  double filled_px = 0;
+  const auto entry_px = [](const Series& s) { return 40 + text_width(s.name); };
+  if (plot.legend && plot.series.size() > 1)
+    for (const Series& s : plot.series) {
+      if (legend.empty() || filled_px + entry_px(s) > plot.width)
+        legend.emplace_back(), filled_px = 0;
+      legend.back().push_back(&s);
+      filled_px += entry_px(s);
+    }
   const double left = 72, right = plot.width - 14.0, top = 28,
-               bottom = plot.height - (legend ? 62.0 : 42.0);
+               bottom = plot.height - 42.0 -
+                        (legend.empty() ? 0.0 : 4.0 + 16.0 * static_cast<double>(legend.size()));
   if (plot.equal_axes) {
     const double scale = std::max(xr.span() / (right - left), yr.span() / (bottom - top));
     const auto grow = [](Range& r, double span) {
@@ -196,19 +207,34 @@ std::string svg(const Plot& plot) {
              (s.dashed ? " stroke-dasharray=\"5 3\"" : "") + "><title>" + escape_html(s.name) +
              "</title></path>\n";
   }
-  if (legend) {
+  for (std::size_t row = 0; row < legend.size(); ++row) {
     double total = 0;
-    for (const Series& s : plot.series) total += 40 + text_width(s.name);
+    for (const Series* s : legend[row]) total += entry_px(*s);
     double x = std::max(8.0, (plot.width - total) / 2);
-    for (const Series& s : plot.series) {
-      const double y = plot.height - 12;
+    const double y = plot.height - 12 - 16.0 * static_cast<double>(legend.size() - 1 - row);
+    for (const Series* s : legend[row]) {
       out += "<line x1=\"" + number(x) + "\" y1=\"" + number(y - 4) + "\" x2=\"" + number(x + 20) +
-             "\" y2=\"" + number(y - 4) + "\" stroke=\"" + s.color + "\" stroke-width=\"3\"" +
-             (s.dashed ? " stroke-dasharray=\"5 3\"" : "") + "/>\n";
-      out += text(x + 25, y, s.name, "start");
-      x += 40 + text_width(s.name);
+             "\" y2=\"" + number(y - 4) + "\" stroke=\"" + s->color + "\" stroke-width=\"3\"" +
+             (s->dashed ? " stroke-dasharray=\"5 3\"" : "") + "/>\n";
+      out += text(x + 25, y, s->name, "start");
+      x += entry_px(*s);
     }
   }
+  return out + "</svg>\n";
+}
+
+std::string svg_grid(const std::vector<Plot>& plots, int columns) {
+  if (plots.empty()) return "";
+  const int width = plots.front().width, height = plots.front().height;
+  const int lines = (static_cast<int>(plots.size()) + columns - 1) / columns;
+  std::string out = "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 " +
+                    std::to_string(columns * width) + " " + std::to_string(lines * height) +
+                    "\" width=\"" + std::to_string(columns * width) + "\" height=\"" +
+                    std::to_string(lines * height) + "\">\n";
+  for (std::size_t i = 0; i < plots.size(); ++i)
+    out += "<g transform=\"translate(" + std::to_string(static_cast<int>(i) % columns * width) +
+           " " + std::to_string(static_cast<int>(i) / columns * height) + ")\">" + svg(plots[i]) +
+           "</g>\n";
   return out + "</svg>\n";
 }
 

@@ -34,6 +34,9 @@ struct Plot {
 /// The plot as an <svg> element with its own text, needing nothing else.
 std::string svg(const Plot& plot);
 
+/// Plots of one size beside and below each other, as one <svg> element.
+std::string svg_grid(const std::vector<Plot>& plots, int columns);
+
 /// One horizontal bar per label, stacked from parts.
 struct StackedBars {
   std::string title, x_label;

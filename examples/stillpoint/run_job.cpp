@@ -18,6 +18,8 @@
 #include "run_job.hpp"
 
 #include <chrono>
+#include <cmath>
+#include <cstdio>
 #include <fstream>
 #include <map>
 #include <opencv2/core/version.hpp>
@@ -83,6 +85,33 @@ Json camera_json(const Camera& c) {
           {"k1", c.k1}, {"k2", c.k2},
           {"p1", c.p1}, {"p2", c.p2},
           {"k3", c.k3}, {"depth_units_per_m", c.depth_units_per_m}};
+}
+
+/// How far the room and the people move during a frame's exposure, from a synthetic sequence's
+/// blur.csv (lines TIMESTAMP,LABEL,PIXELS,BLUR_PX; label 0: the room, 1 to 100: people).
+void add_true_blur(Json& series, const fs::path& file, const std::vector<double>& frames) {
+  std::ifstream in(file);
+  if (!in) return;
+  struct Blur {
+    double room = std::numeric_limits<double>::quiet_NaN(), way = 0, pixels = 0;
+  };
+  std::map<std::int64_t, Blur> blur;
+  const auto key = [](double timestamp) { return std::llround(timestamp * 1e6); };
+  for (std::string line; std::getline(in, line);) {
+    double timestamp = 0, pixels = 0, px = 0;
+    int label = 0;
+    if (std::sscanf(line.c_str(), "%lf,%d,%lf,%lf", &timestamp, &label, &pixels, &px) != 4)
+      continue;
+    Blur& frame = blur[key(timestamp)];
+    if (label == 0) frame.room = px;
+    if (label >= 1 && label <= 100) frame.way += px * pixels, frame.pixels += pixels;
+  }
+  for (double timestamp : frames) {
+    const auto found = blur.find(key(timestamp));
+    const Blur b = found == blur.end() ? Blur() : found->second;
+    series["room_motion_px"].push_back(b.room);
+    series["people_motion_px"].push_back(b.pixels > 0 ? Json(b.way / b.pixels) : Json());
+  }
 }
 
 /// Makes the dense map when all poses are final: a SLAM system corrects old ones at the end.
@@ -205,6 +234,7 @@ Json run_job(const RunSettings& wanted, const RunOutputs& outputs,
                       static_cast<double>(std::max<std::size_t>(1, recorder.frames()));
   stats["coverage_of"] = "frames";
   Json series = outputs.series ? recorder.series(settings.front_end) : Json();
+  if (outputs.series) add_true_blur(series, settings.sequence / "blur.csv", recorder.timestamps());
   if (sequence.has_groundtruth())
     add_accuracy(stats, outputs.series ? &series : nullptr, sequence.groundtruth(), trajectory,
                  recorder.timestamps(), say);

@@ -38,6 +38,9 @@ struct RunSettings {
   int features = 0;
   /// First frames only; 0: all.
   std::size_t frames = 0;
+  /// One setting of the preset changed (see change_setting()); empty: none.
+  std::string varied;
+  double varied_value = 0;
   /// 0: the presets' own seeds; any other value is added to them.
   std::uint64_t seed = 0;
 };

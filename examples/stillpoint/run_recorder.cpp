@@ -246,6 +246,15 @@ Json RunRecorder::series(bool front_end) const {
     if (any_truth_)
       out["true_mask_share"].push_back(r.has_truth ? Json(rounded(r.true_share, 1e5)) : Json());
     out["kept"].push_back(r.kept);
+    if (!front_end || !any_truth_) continue;
+    for (const bool after : {false, true}) {
+      const BinaryCounts& counts = after ? r.after : r.before;
+      const std::string suffix = after ? "_after" : "_before";
+      // A frame without people has no IoU, and nothing to miss.
+      const bool people = r.has_truth && r.true_share > 0;
+      out["iou" + suffix].push_back(people ? Json(rounded(counts.iou(), 1e4)) : Json());
+      out["missed" + suffix].push_back(people ? Json(rounded(1 - counts.recall(), 1e4)) : Json());
+    }
   }
   return out;
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include "systems.hpp"
 
+#include <cmath>
 #include <type_traits>
 #include <utility>
 
@@ -178,6 +179,36 @@ std::unique_ptr<Tracker> make_tracker(const RunSettings& settings, const Camera&
               settings.tracker + "\"");
 }
 
+void change_setting(FrontEndSettings& settings, const std::string& name, double value) {
+  std::string names;
+  bool found = false;
+  const auto offer = [&](const char* offered, auto& member) {
+    names += (names.empty() ? "" : ", ") + std::string(offered);
+    if (name != offered) return;
+    found = true;
+    using Member = std::decay_t<decltype(member)>;
+    member = static_cast<Member>(std::is_integral_v<Member> ? std::round(value) : value);
+  };
+  offer("area_ratio", settings.compensation.area_ratio);
+  offer("history", settings.compensation.history);
+  offer("search_px", settings.compensation.search_px);
+  offer("min_depth_support", settings.compensation.min_depth_support);
+  offer("max_restored_frames", settings.compensation.max_restored_frames);
+  offer("max_prediction_s", settings.compensation.max_prediction_s);
+  offer("cell_px", settings.depth.cell_px);
+  offer("range_m", settings.depth.range_m);
+  offer("growth_m", settings.depth.growth_m);
+  offer("dilation_px", settings.depth.dilation_px);
+  offer("radius_px", settings.probability.radius_px);
+  offer("weight", settings.probability.weight);
+  offer("decay_per_px", settings.probability.decay_per_px);
+  offer("threshold", settings.probability.threshold);
+  offer("min_kept", settings.probability.min_kept);
+  offer("min_moved_cells", settings.motion.min_moved_cells);
+  offer("min_moved_share", settings.motion.min_moved_share);
+  if (!found) throw Error("--vary: expected one of " + names + "; found \"" + name + "\"");
+}
+
 FrontEndSettings front_end_settings(const RunSettings& settings) {
   FrontEndSettings front_end = settings.preset == "paper"    ? FrontEndSettings::paper()
                                : settings.preset == "motion" ? FrontEndSettings::with_motion()
@@ -189,6 +220,7 @@ FrontEndSettings front_end_settings(const RunSettings& settings) {
     if (stage == "motion") front_end.use_motion = false;
     if (stage == "prediction") front_end.late.predict = false;
   }
+  if (!settings.varied.empty()) change_setting(front_end, settings.varied, settings.varied_value);
   front_end.depth.seed += settings.seed;
   front_end.dynamic_classes = dynamic_classes(settings);
   return front_end;

@@ -7,11 +7,13 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cstdio>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
 #include <sstream>
 #include <string>
 #include <vector>
@@ -426,6 +428,264 @@ TEST_F(Cli, BenchJudgesOtherSystemsByTheSameRules) {
     }
   }
   expect_error("bench walk --out e --estimate nothing", 1, "NAME=FILE");
+}
+
+TEST_F(Cli, BenchNeverCallsATruncatedEstimateTheBest) {
+  // The first 12 % of the frames, without any error: better than every row, and no result.
+  ASSERT_EQ(run("synth long --people 1 --frames 26 --size 160x120 --shutter-ms 0").code, 0);
+  const Trajectory truth = read_trajectory(path("long") / "groundtruth.txt");
+  const double begin = truth.front().timestamp;
+  Trajectory cut, whole = truth;
+  for (const StampedPose& pose : truth)
+    if (pose.timestamp < begin + 2.1 / 30) cut.push_back(pose);
+  for (std::size_t i = 0; i < whole.size(); i += 2)
+    whole[i].T_world_camera.translation().x() += 0.003;
+  write_trajectory(path("cut.txt"), cut);
+  write_trajectory(path("whole.txt"), whole);
+  const Result r =
+      run("bench long --out trunc --tracker vo --variants off --frames 26 --estimate cut=cut.txt "
+          "--estimate whole=whole.txt");
+  ASSERT_EQ(r.code, 0) << r.err;
+  const Json rows = json_of(path("trunc") / "results.json")["rows"];
+  ASSERT_EQ(rows.size(), 3u);
+  int best = 0;
+  double smallest = 1;
+  for (const Json& row : rows) {
+    if (row["label"] == "cut") {
+      EXPECT_EQ(row["failed"], "coverage");
+      EXPECT_NEAR(row["coverage_min"], 3.0 / 26, 1e-9);
+      EXPECT_LT(row["ate_rmse_m"], 1e-6);
+      EXPECT_EQ(row["best"], false);
+    } else if (row["ate_rmse_m"].is_number()) {
+      smallest = std::min(smallest, row["ate_rmse_m"].get<double>());
+    }
+    if (row["best"] == true) {
+      ++best;
+      EXPECT_EQ(row["failed"], "");
+    }
+  }
+  EXPECT_EQ(best, 1);
+  for (const Json& row : rows) {
+    if (row["best"] == true) {
+      EXPECT_EQ(row["ate_rmse_m"], smallest);
+    }
+  }
+}
+
+TEST_F(Cli, EvaluateAndBenchAgreeOnRealTrajectories) {
+  const fs::path real = STILLPOINT_SHARED_DATA "/real";
+  const fs::path list = real / "associations/fr3_walking_xyz.txt";
+  if (!fs::exists(list)) GTEST_SKIP() << "no " << list;
+  // The real frames' times; that the pictures are none makes our own row an error, as it should.
+  fs::create_directories(path("real") / "rgb");
+  fs::create_directories(path("real") / "depth");
+  cv::imwrite((path("real") / "none.png").string(), cv::Mat::zeros(1, 1, CV_8UC1));
+  std::ofstream rgb(path("real") / "rgb.txt"), depth(path("real") / "depth.txt");
+  std::ifstream lines(list);
+  for (std::string t, color, td, d; lines >> t >> color >> td >> d;) {
+    rgb << t << " " << color << "\n";
+    depth << td << " " << d << "\n";
+    fs::create_hard_link(path("real") / "none.png", path("real") / color);
+    fs::create_hard_link(path("real") / "none.png", path("real") / d);
+  }
+  rgb.close(), depth.close();
+  fs::copy(real / "fr3_walking_xyz/groundtruth.txt", path("real"));
+  std::string estimates;
+  for (const char* name : {"bf", "cfs", "rm"}) {
+    fs::copy(real / ("fr3_walking_xyz/CameraTrajectory_" + std::string(name) + ".txt"),
+             path("real_" + std::string(name) + ".txt"));
+    estimates += " --estimate " + std::string(name) + "=real_" + name + ".txt";
+  }
+  EXPECT_EQ(run("bench real --camera fr3 --variants off --out real_bench" + estimates).code, 1);
+  const Json rows = json_of(path("real_bench") / "results.json")["rows"];
+  ASSERT_EQ(rows.size(), 4u);
+  for (const Json& row : rows) {
+    if (row["variant"] == "off") {
+      EXPECT_EQ(row["failed"], "error");
+      continue;
+    }
+    const std::string name = row["label"];
+    const Result r =
+        run("evaluate --json --groundtruth real/groundtruth.txt --frames real/rgb.txt "
+            "--estimate real_" +
+            name + ".txt");
+    ASSERT_EQ(r.code, 0) << r.err;
+    const Json one = Json::parse(r.out);
+    for (const char* key : {"ate_rmse_m", "ate_sd_m", "rpe_trans_m", "rpe_rot_deg"})
+      EXPECT_DOUBLE_EQ(row[key], one[key]) << name << " " << key;
+    EXPECT_DOUBLE_EQ(row["coverage_min"], one["coverage"]) << name;
+    // Keyframes of a part of the sequence only: their error is no result.
+    EXPECT_EQ(row["failed"], "coverage") << name;
+    EXPECT_EQ(row["best"], false) << name;
+  }
+}
+
+TEST_F(Cli, BenchPutsThePapersTablesBesideOurs) {
+  // Two of the ten are there: one without masks, none with the camera of the data set needed.
+  fs::create_directories(path("data"));
+  fs::copy(path("walk"), path("data") / "rgbd_bonn_crowd2", fs::copy_options::recursive);
+  fs::copy(path("walk"), path("data") / "rgbd_dataset_freiburg3_walking_static",
+           fs::copy_options::recursive);
+  fs::remove_all(path("data") / "rgbd_bonn_crowd2" / "masks");
+  const std::string quick = " --frames 5 --tracker vo ";
+  const Result r = run("bench --paper data --out paper --runs 1 --features 500" + quick);
+  ASSERT_EQ(r.code, 0) << r.err;
+  for (const char* words :
+       {"freiburg3_walking_xyz: not in data (scripts/download_tum", "rgbd_bonn_crowd: not in data",
+        "rgbd_bonn_crowd2: no folder masks", "--frames: parts of sequences", "Table 1.", "Table 2.",
+        "Table 3.", "Table 4.", ".729/.386", "1.311/.257", ".0064/.0032", "39.47"})
+    EXPECT_NE(r.out.find(words), std::string::npos) << words << "\n" << r.out;
+  // Our number stands in the line of its sequence, behind the published ones; what was not run has
+  // a dash.
+  const auto line_of = [&](const std::string& begin) {
+    const std::size_t at = r.out.find("\n" + begin);
+    return at == std::string::npos ? "" : r.out.substr(at + 1, r.out.find('\n', at + 1) - at - 1);
+  };
+  const Json rows = json_of(path("paper") / "results.json")["rows"];
+  for (const Json& row : rows)
+    if (row["variant"] == "paper") {
+      char number[32];
+      std::snprintf(number, sizeof number, "  %.4f/", row["ate_rmse_mean_m"].get<double>());
+      EXPECT_NE(line_of("w/static ").find(number), std::string::npos) << line_of("w/static ");
+    }
+  EXPECT_EQ(line_of("w/half ").back(), '-');
+  EXPECT_NE(line_of("w/static, ours: default ").find_first_of("123456789"), std::string::npos);
+  EXPECT_NE(text_of(path("paper") / "index.html").find("Table 4."), std::string::npos);
+
+  // As the paper: five runs, 3000 keypoints; the camera of the data set where there is no other.
+  const fs::path bonn_folder = path("data") / "rgbd_bonn_crowd2";
+  fs::remove(bonn_folder / "camera.yaml");
+  for (const char* kind : {"rgb", "depth"})
+    for (const auto& entry : fs::directory_iterator(bonn_folder / kind)) {
+      cv::Mat picture = cv::imread(entry.path().string(), cv::IMREAD_UNCHANGED);
+      cv::resize(picture, picture, {640, 480}, 0, 0, cv::INTER_NEAREST);
+      cv::imwrite(entry.path().string(), picture);
+    }
+  fs::remove_all(bonn_folder / "masks_gt");
+  ASSERT_EQ(run("bench --paper data --out paper5 --variants off --frames 3 --tracker vo").code, 0);
+  const Json five = json_of(path("paper5") / "results.json")["rows"];
+  for (const Json& row : five) EXPECT_EQ(row["runs"], 5);
+  EXPECT_EQ(five.size(), 2u);
+  const Json bonn = json_of(path("paper5") / "runs/rgbd_bonn_crowd2/off.0.json");
+  EXPECT_EQ(bonn["job"]["features"], 3000);
+  EXPECT_NEAR(bonn["stats"]["camera"]["fx"], 542.8, 0.1);
+
+  expect_error("bench --paper walk --out paper", 1, "at least one of the ten sequences");
+  expect_error("bench walk --paper data --out paper", 2, "takes no SEQUENCE");
+  expect_error("bench --merge paper --paper data --out paper", 2, "runs nothing");
+}
+
+TEST_F(Cli, BenchStudiesDilationAndBlur) {
+  for (const char* shutter : {"00", "40"})
+    ASSERT_EQ(run(std::string("synth xyz_") + shutter +
+                  "ms --frames 21 --size 320x240 --shutter-ms " + shutter)
+                  .code,
+              0);
+  const Result r =
+      run("bench xyz_00ms xyz_40ms --out study --tracker vo --variants off,default --vary "
+          "dilation_px=0,20");
+  ASSERT_EQ(r.code, 0) << r.err;
+  const std::string page = text_of(path("study") / "index.html");
+  for (const char* title : {"Error against dilation_px", "whole picture against dilation_px",
+                            "ATE against the shutter, motion xyz", "Mask IoU against true motion",
+                            "Misses against sharpness"})
+    EXPECT_NE(page.find(title), std::string::npos) << title;
+  EXPECT_NE(text_of(path("study") / "blur.svg").find("exposure time"), std::string::npos);
+  EXPECT_NE(text_of(path("study") / "settings.svg").find("dilation_px"), std::string::npos);
+  expect_error("bench walk --out b --vary dilation=3", 1, "dilation_px, radius_px");
+  expect_error("bench walk --out b --vary dilation_px=", 1, "NAME=NUMBER");
+  expect_error("bench walk --out b --vary dilation_px", 1, "NAME=NUMBER");
+
+  const auto sum = [](const Json& values) {
+    double total = 0;
+    for (const Json& v : values) total += v.is_number() ? v.get<double>() : 0;
+    return total;
+  };
+  const auto series = [&](const std::string& file) {
+    return json_of(path("study") / "runs" / file)["stats"]["series"];
+  };
+  const Json sharp = series("xyz_00ms/default.0.json"), blurred = series("xyz_40ms/default.0.json");
+  EXPECT_EQ(sum(sharp["people_motion_px"]), 0);
+  EXPECT_GT(sum(blurred["people_motion_px"]), 21);
+  EXPECT_GT(sum(sharp["sharpness"]), sum(blurred["sharpness"]));
+  for (const char* key : {"iou_before", "iou_after", "missed_before", "missed_after"})
+    EXPECT_EQ(blurred[key].size(), 21u) << key;
+  // A wider mask removes no fewer keypoints.
+  double kept_0 = 0, kept_20 = 0;
+  const Json rows = json_of(path("study") / "results.json")["rows"];
+  for (const Json& row : rows) {
+    if (row["variant"] == "dilation_px=0") kept_0 += row["keypoints_static_kept"].get<double>();
+    if (row["variant"] == "dilation_px=20") kept_20 += row["keypoints_static_kept"].get<double>();
+  }
+  EXPECT_GT(kept_0, 0);
+  EXPECT_GE(kept_0, kept_20);
+}
+
+TEST_F(Cli, BenchKilledLosesOnlyTheUnfinishedRun) {
+  const std::string arguments =
+      "bench walk --tracker vo --variants off,default --runs 12 --frames 6 --shard 1/2 --out "
+      "killed";
+  const std::string script =
+      "cd '" + folder_->string() + "' && { '" STILLPOINT_CLI "' " + arguments +
+      " >/dev/null 2>&1 & pid=$!; for i in $(seq 1200); do "
+      "[ $(ls killed/runs/walk 2>/dev/null | grep -c json$) -ge 2 ] && break; sleep 0.05; done; "
+      "kill -9 $pid; wait $pid; } 2>/dev/null";
+  std::system(script.c_str());
+  std::size_t finished = 0;
+  for (const auto& entry : fs::directory_iterator(path("killed") / "runs/walk"))
+    if (entry.path().extension() == ".json") {
+      EXPECT_TRUE(json_of(entry.path()).contains("stats")) << entry.path() << " is half a file";
+      ++finished;
+    }
+  ASSERT_GE(finished, 2u);
+  ASSERT_LT(finished, 12u) << "it was not killed in time";
+  const Result again = run(arguments);
+  EXPECT_EQ(again.code, 0) << again.err;
+  std::size_t kept = 0;
+  for (std::size_t at = 0; (at = again.out.find("kept from before", at)) != std::string::npos; ++at)
+    ++kept;
+  EXPECT_EQ(kept, finished) << again.out;
+  EXPECT_EQ(files_in(path("killed") / "runs/walk", ".json"), 12u);
+}
+
+TEST_F(Cli, PageIsDrawnByABrowser) {
+  if (std::system("command -v chromium >/dev/null 2>&1") != 0)
+    GTEST_SKIP() << "chromium is not installed (apt-get install chromium)";
+  ASSERT_EQ(
+      run("bench walk --out shown --tracker vo --variants off,default --vary dilation_px=0,10")
+          .code,
+      0);
+  const fs::path picture = path("page.png");
+  const auto draw = [&](const fs::path& file, const char* size) {
+    fs::remove(picture);
+    const std::string command =
+        "HOME='" + folder_->string() +
+        "' timeout 120 chromium --headless --no-sandbox --disable-gpu --hide-scrollbars "
+        "--force-device-scale-factor=1 --window-size=" +
+        std::string(size) + " --screenshot='" + picture.string() + "' 'file://" + file.string() +
+        "' >/dev/null 2>&1";
+    EXPECT_EQ(std::system(command.c_str()), 0) << command;
+    return cv::imread(picture.string());
+  };
+  const auto pixels = [](const cv::Mat& image, const cv::Scalar& bgr) {
+    cv::Mat found;
+    cv::inRange(image, bgr, bgr, found);
+    return cv::countNonZero(found);
+  };
+  const cv::Mat page = draw(path("shown") / "index.html", "1200,5200");
+  ASSERT_EQ(page.size(), cv::Size(1200, 5200));
+  // Curves of the front end off and on, heads of tables, and pictures (many colors) are drawn.
+  EXPECT_GT(pixels(page, {0x00, 0x5e, 0xd5}), 300);
+  EXPECT_GT(pixels(page, {0xb2, 0x72, 0x00}), 300);
+  EXPECT_GT(pixels(page, {0xf7, 0xf5, 0xf4}), 5000);
+  EXPECT_GT(pixels(page, {0xff, 0xff, 0xff}), 1000000);
+  cv::Mat gray, histogram;
+  cv::cvtColor(page, gray, cv::COLOR_BGR2GRAY);
+  const int channel = 0, bins = 256;
+  const float range[] = {0, 256};
+  const float* ranges = range;
+  cv::calcHist(&gray, 1, &channel, cv::Mat(), histogram, 1, &bins, &ranges);
+  EXPECT_GT(cv::countNonZero(histogram > 200), 200);
 }
 
 TEST_F(Cli, BenchMarksLostTracks) {
