@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #pragma once
 
+// First: without it, clang++ -std=c++20 refuses the next one (LibTorch 1.13).
+#include <ATen/core/ivalue.h>
 #include <torch/csrc/api/include/torch/version.h>
 #include <torch/script.h>
 
