@@ -39,7 +39,8 @@ inline void add_system_options(CLI::App* command, RunSettings& s) {
           segmenter_names());
   command->add_option("--masks", s.masks, "Folder of masks for mask_files  [SEQUENCE/masks]")
       ->type_name("DIR");
-  command->add_option("--model", s.model, "Network of the segmenter opencv_dnn (ONNX, ...)")
+  command
+      ->add_option("--model", s.model, "Network: ONNX and others by opencv_dnn, .pt by torchscript")
       ->type_name("FILE");
   command->add_option("--model-config", s.model_config, "Its .pbtxt, if it has one")
       ->type_name("FILE");

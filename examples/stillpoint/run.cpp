@@ -27,7 +27,7 @@ std::string settings_line(const RunSettings& s, bool segmenter_was_open) {
   for (const std::string& stage : s.without) line += ", without " + stage;
   line += "; segmenter " + s.segmenter;
   if (s.segmenter == "mask_files") line += " (" + s.masks.string() + ")";
-  if (s.segmenter == "opencv_dnn") line += " (" + s.model.string() + ")";
+  if (!s.model.empty()) line += " (" + s.model.string() + ")";
   if (s.async) line += " in a thread, at the speed of the recording";
   if (s.latency_ms >= 0)
     line += " as if it took " + std::to_string(std::lround(s.latency_ms)) + " ms";

@@ -19,8 +19,8 @@ struct RunSettings {
   std::string segmenter;
   /// Of mask_files; empty: SEQUENCE/masks.
   std::filesystem::path masks;
-  /// Network of opencv_dnn, its graph's text file (if it has one), its decoder (empty: recognised),
-  /// and its input size WIDTHxHEIGHT (empty: the model's own).
+  /// Network of opencv_dnn or torchscript, its graph's text file (if it has one), its decoder
+  /// (empty: recognised), and its input size WIDTHxHEIGHT (empty: the model's own).
   std::filesystem::path model, model_config;
   std::string decoder, input_size;
   /// Dynamic classes, NAME or NAME=PRIOR; empty: person.

@@ -11,6 +11,9 @@
 #endif
 #include "stillpoint/backends/rgbd_slam/odometry.hpp"
 #include "stillpoint/backends/rgbd_slam/slam_system.hpp"
+#ifdef STILLPOINT_WITH_TORCHSCRIPT
+#include "stillpoint/backends/torchscript.hpp"
+#endif
 #include "stillpoint/io/text_file.hpp"
 #include "stillpoint/segmentation/detection_thread.hpp"
 #include "stillpoint/testing/delayed_segmenter.hpp"
@@ -57,7 +60,11 @@ class Owning : public Segmenter {
   Outer outer_;
 };
 
-#ifdef STILLPOINT_WITH_OPENCV_DNN
+bool is_network(const std::string& segmenter) {
+  return segmenter == "opencv_dnn" || segmenter == "torchscript";
+}
+
+#if defined(STILLPOINT_WITH_OPENCV_DNN) || defined(STILLPOINT_WITH_TORCHSCRIPT)
 cv::Size size_from(const std::string& text) {
   const std::size_t x = text.find('x');
   const auto width = detail::parse_number(text.substr(0, x));
@@ -68,16 +75,29 @@ cv::Size size_from(const std::string& text) {
                 "\"");
   return {static_cast<int>(*width), static_cast<int>(*height)};
 }
+
+template <class Network>
+std::unique_ptr<Segmenter> make_network(const RunSettings& settings,
+                                        typename Network::Settings network) {
+  network.decoder = settings.decoder;
+  if (!settings.input_size.empty()) network.input_size = size_from(settings.input_size);
+  auto segmenter = std::make_unique<Network>(settings.model, network);
+  check_dynamic_classes(dynamic_classes(settings), segmenter->classes());
+  return segmenter;
+}
 #endif
 
 }  // namespace
 
 std::vector<std::string> segmenter_names() {
+  std::vector<std::string> names = {"none", "mask_files"};
 #ifdef STILLPOINT_WITH_OPENCV_DNN
-  return {"none", "mask_files", "opencv_dnn"};
-#else
-  return {"none", "mask_files"};
+  names.push_back("opencv_dnn");
 #endif
+#ifdef STILLPOINT_WITH_TORCHSCRIPT
+  names.push_back("torchscript");
+#endif
+  return names;
 }
 std::vector<std::string> tracker_names() { return {"slam", "vo"}; }
 std::string default_tracker() { return "slam"; }
@@ -98,7 +118,10 @@ TumSequence open_sequence(const fs::path& folder, const std::string& camera) {
 
 void choose_segmenter(RunSettings& settings) {
   const fs::path masks = settings.sequence / "masks";
-  if (settings.segmenter.empty() && !settings.model.empty()) settings.segmenter = "opencv_dnn";
+  if (settings.segmenter.empty() && !settings.model.empty()) {
+    const fs::path ending = settings.model.extension();
+    settings.segmenter = ending == ".pt" || ending == ".torchscript" ? "torchscript" : "opencv_dnn";
+  }
   if (settings.segmenter.empty())
     settings.segmenter = !settings.masks.empty() || fs::is_directory(masks) ? "mask_files" : "none";
   if (settings.segmenter == "mask_files" && settings.masks.empty()) settings.masks = masks;
@@ -110,11 +133,15 @@ void choose_segmenter(RunSettings& settings) {
         std::make_pair("--model-config", !settings.model_config.empty()),
         std::make_pair("--decoder", !settings.decoder.empty()),
         std::make_pair("--input-size", !settings.input_size.empty())})
-    if (given && settings.segmenter != "opencv_dnn")
-      throw Error(std::string(name) + ": only the segmenter opencv_dnn runs a network, found " +
-                  "--segmenter " + settings.segmenter);
-  if (settings.segmenter == "opencv_dnn" && settings.model.empty())
-    throw Error("--segmenter opencv_dnn: needs its network: --model FILE");
+    if (given && !is_network(settings.segmenter))
+      throw Error(std::string(name) + ": only the segmenters opencv_dnn and torchscript run a " +
+                  "network, found --segmenter " + settings.segmenter);
+  if (is_network(settings.segmenter) && settings.model.empty())
+    throw Error("--segmenter " + settings.segmenter + ": needs its network: --model FILE");
+  if (settings.segmenter == "torchscript" && !settings.model_config.empty())
+    throw Error(
+        "--model-config: only the segmenter opencv_dnn takes one, found --segmenter "
+        "torchscript");
   if (settings.async && settings.latency_ms >= 0)
     throw Error("--async and --latency exclude each other: one is real, one is played");
   dynamic_classes(settings);  // says what is wrong with them
@@ -129,12 +156,15 @@ std::unique_ptr<Segmenter> make_segmenter(const RunSettings& settings,
   if (settings.segmenter == "opencv_dnn") {
     OpenCvDnnSettings network;
     network.config = settings.model_config;
-    network.decoder = settings.decoder;
-    if (!settings.input_size.empty()) network.input_size = size_from(settings.input_size);
-    auto segmenter = std::make_unique<OpenCvDnnSegmenter>(settings.model, network);
-    check_dynamic_classes(dynamic_classes(settings), segmenter->classes());
-    return segmenter;
+    return make_network<OpenCvDnnSegmenter>(settings, network);
   }
+#endif
+#ifdef STILLPOINT_WITH_TORCHSCRIPT
+  if (settings.segmenter == "torchscript") return make_network<TorchScriptSegmenter>(settings, {});
+#else
+  if (settings.segmenter == "torchscript")
+    throw Error(settings.model.string() + ": this program was built without the segmenter " +
+                "torchscript; install libtorch-dev (Debian, Ubuntu) and build it again");
 #endif
   throw Error("--segmenter: expected one of " + joined(segmenter_names()) + ", found \"" +
               settings.segmenter + "\"");

@@ -339,6 +339,18 @@ TEST_F(Cli, NetworksAreChecked) {
   EXPECT_FALSE(fs::exists(path("net"))) << "bad input is said before anything is written";
 }
 
+TEST_F(Cli, TorchScriptIsRunOrNamed) {
+  std::ofstream(path("network.pt")) << "not a network";
+  // Chosen by the file's ending, also where it was left out of the build.
+  const Result r = run("run walk --out net --model network.pt");
+  EXPECT_EQ(r.code, 1);
+  EXPECT_TRUE(r.err.find("expected a TorchScript file") != std::string::npos ||
+              r.err.find("install libtorch-dev") != std::string::npos)
+      << r.err;
+  expect_error("segment walk --out net --model network.pt --model-config a.pbtxt", 1, "opencv_dnn");
+  EXPECT_FALSE(fs::exists(path("net")));
+}
+
 TEST_F(Cli, NetworksSegment) {
   const std::string graphs = STILLPOINT_TEST_GRAPHS;
   if (!fs::exists(graphs + "/fastestdet.onnx")) GTEST_SKIP() << "no graphs in " << graphs;

@@ -6,7 +6,6 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <iterator>
 #include <opencv2/core.hpp>
 #include <optional>
 #include <utility>
@@ -17,6 +16,7 @@
 #include "stillpoint/core/frame.hpp"
 #include "stillpoint/core/instance.hpp"
 #include "stillpoint/core/status.hpp"
+#include "stillpoint/segmentation/frame_history.hpp"
 #include "stillpoint/segmentation/late_segmentation_settings.hpp"
 #include "stillpoint/segmentation/object_locator.hpp"
 #include "stillpoint/segmentation/remembered_object.hpp"
@@ -35,7 +35,11 @@ class ForwardPredictor {
  public:
   ForwardPredictor(const LateSegmentationSettings& settings,
                    const SegmentationCompensatorSettings& compensation, const Camera& camera)
-      : settings_(settings), compensation_(compensation), camera_(camera), locator_(compensation) {
+      : settings_(settings),
+        compensation_(compensation),
+        camera_(camera),
+        locator_(compensation),
+        frames_(settings.max_age_s) {
     settings.check();
   }
 
@@ -46,17 +50,16 @@ class ForwardPredictor {
   void forward(const RgbdFrame& frame, const std::optional<Eigen::Isometry3d>& T_current_last,
                Segmentation& segmentation) {
     status_ = kOk, age_s_ = 0;
-    if (!corrected_) last_pose_.reset();  // lost in the last frame
-    corrected_ = false;
-    const bool late =
-        segmentation.available && segmentation.timestamp < frame.timestamp - kSameTimeS;
+    frames_.next_frame();
+    const bool late = segmentation.available &&
+                      segmentation.timestamp < frame.timestamp - FrameHistory::kSameTimeS;
     was_late_ = was_late_ || late;
     // A frame without a result may get one later.
-    if (!was_late_ && segmentation.available) return recycle(0);
-    add(frame, T_current_last);
+    if (!was_late_ && segmentation.available) return frames_.keep(0);
+    frames_.add(frame, T_current_last);
     if (!late) return;
     age_s_ = frame.timestamp - segmentation.timestamp;
-    const std::size_t then = index_of(segmentation.timestamp);
+    const std::size_t then = frames_.index_of(segmentation.timestamp);
     if (then == frames_.size() || age_s_ > settings_.max_age_s) {
       segmentation.available = false;
       segmentation.instances.clear();
@@ -67,25 +70,10 @@ class ForwardPredictor {
   }
 
   /// Takes note of where the compensator's objects were found in the frame of forward().
-  void remember(const std::vector<RememberedObject>& objects) {
-    if (frames_.empty()) return;
-    for (const RememberedObject& object : objects)
-      frames_.back().tracks.push_back({object.id, object.box(), object.center(), object.depth_m()});
-  }
+  void remember(const std::vector<RememberedObject>& objects) { frames_.remember(objects); }
 
   /// Tells the pose that the host tracked for the frame of forward(): better than its prediction.
-  void correct(const Eigen::Isometry3d& T_world_camera) {
-    if (last_pose_ && !frames_.empty()) {
-      const Eigen::Isometry3d T = T_world_camera.inverse() * *last_pose_;
-      std::optional<Eigen::Isometry3d>& told = frames_.back().T_this_last;
-      // A host that closes a loop or finds itself again jumps; the camera does not.
-      const Eigen::Isometry3d jump = told ? T * told->inverse() : T;
-      if (jump.translation().norm() < 0.1 && Eigen::AngleAxisd(jump.linear()).angle() < 0.1)
-        told = T;
-    }
-    last_pose_ = T_world_camera;
-    corrected_ = true;
-  }
+  void correct(const Eigen::Isometry3d& T_world_camera) { frames_.correct(T_world_camera); }
 
   /// How much older than its frame the last segmentation was, seconds.
   double age_s() const { return age_s_; }
@@ -93,58 +81,16 @@ class ForwardPredictor {
   std::uint32_t status() const { return status_; }
 
  private:
-  static constexpr double kSameTimeS = 1e-4;
-  static constexpr std::size_t kMostFrames = 128;
-
   // An object's own way: in the picture, and away from the camera (metres).
   struct Way {
     cv::Point2d place;
     float depth_m;
-  };
-  struct Track {
-    int id;
-    cv::Rect box;
-    cv::Point2d center;
-    float z;
   };
   struct Seen {
     cv::Rect box;
     cv::Point2d center;
     float z;
   };
-  struct Frame {
-    double timestamp = 0, units_per_m = 0;
-    std::optional<Eigen::Isometry3d> T_this_last;
-    cv::Mat depth;
-    std::vector<Track> tracks;
-  };
-
-  void add(const RgbdFrame& frame, const std::optional<Eigen::Isometry3d>& T_current_last) {
-    if (!frames_.empty() && frame.timestamp <= frames_.back().timestamp) recycle(0);
-    while (!frames_.empty() &&
-           frame.timestamp - frames_.front().timestamp > settings_.max_age_s + kSameTimeS)
-      recycle(frames_.size() - 1);
-    recycle(kMostFrames - 1);
-    Frame entry;
-    if (!spare_.empty()) {
-      entry = std::move(spare_.back());
-      spare_.pop_back();
-    }
-    entry.timestamp = frame.timestamp;
-    entry.units_per_m = frame.depth_units_per_m;
-    entry.T_this_last = T_current_last;
-    frame.depth.copyTo(entry.depth);
-    entry.tracks.clear();
-    frames_.push_back(std::move(entry));
-  }
-
-  // Forgets the oldest frames but the last `keep`; later frames take their memory.
-  void recycle(std::size_t keep) {
-    if (frames_.size() <= keep) return;
-    const auto end = frames_.end() - static_cast<std::ptrdiff_t>(keep);
-    std::move(frames_.begin(), end, std::back_inserter(spare_));
-    frames_.erase(frames_.begin(), end);
-  }
 
   void carry(const RgbdFrame& frame, std::size_t then, Segmentation& segmentation) {
     RgbdFrame old;
@@ -155,7 +101,7 @@ class ForwardPredictor {
         compensation_.use_depth && !frame.depth.empty() && old.depth.size() == frame.depth.size();
     old_depth_.clear(), depth_.clear();
     if (has_depth) old_depth_.set(old, camera_), depth_.set(frame, camera_);
-    const std::optional<Eigen::Isometry3d> T_now_then = motion_since(then);
+    const std::optional<Eigen::Isometry3d> T_now_then = frames_.motion_since(then);
     if (masks_.size() < segmentation.instances.size()) masks_.resize(segmentation.instances.size());
     std::size_t kept = 0;
     seen_.clear();
@@ -165,26 +111,6 @@ class ForwardPredictor {
     segmentation.instances.resize(kept);
     last_seen_s_ = frames_[then].timestamp;
     std::swap(last_seen_, seen_);
-  }
-
-  // The frame of that time or, if the host left it out, the one before it.
-  std::size_t index_of(double timestamp) const {
-    for (std::size_t i = frames_.size(); i-- > 0;)
-      if (frames_[i].timestamp <= timestamp + kSameTimeS) return i;
-    return frames_.size();
-  }
-
-  std::optional<Eigen::Isometry3d> motion_since(std::size_t then) const {
-    return motion_between(then, frames_.size() - 1);
-  }
-
-  std::optional<Eigen::Isometry3d> motion_between(std::size_t first, std::size_t last) const {
-    Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
-    for (std::size_t i = first + 1; i <= last; ++i) {
-      if (!frames_[i].T_this_last) return std::nullopt;
-      T = *frames_[i].T_this_last * T;
-    }
-    return T;
   }
 
   // Where a still point of an earlier frame is seen now.
@@ -206,20 +132,20 @@ class ForwardPredictor {
   // its track up to the last frame, and on at the same speed.
   std::optional<Way> tracked_motion(const Instance& instance, std::size_t then) const {
     if (then + 2 > frames_.size()) return std::nullopt;
-    const Track* start = nullptr;
+    const FrameHistory::Track* start = nullptr;
     double best = 0.3;
-    for (const Track& track : frames_[then].tracks) {
+    for (const FrameHistory::Track& track : frames_[then].tracks) {
       const double both = (track.box & instance.box).area();
       const double overlap = both / (track.box.area() + instance.box.area() - both);
       if (overlap > best) best = overlap, start = &track;
     }
     if (!start) return std::nullopt;
     for (std::size_t last = frames_.size() - 1; --last > then;)
-      for (const Track& track : frames_[last].tracks) {
+      for (const FrameHistory::Track& track : frames_[last].tracks) {
         if (track.id != start->id) continue;
         const double seconds = frames_[last].timestamp - frames_[then].timestamp;
-        const double on = (frames_.back().timestamp - frames_[then].timestamp) / seconds;
-        const auto T_then = motion_since(then), T_last = motion_since(last);
+        const double on = (frames_.newest().timestamp - frames_[then].timestamp) / seconds;
+        const auto T_then = frames_.motion_since(then), T_last = frames_.motion_since(last);
         const cv::Point2d from = transfer(start->center, start->z, T_then);
         const cv::Point2d to = transfer(track.center, track.z, T_last);
         const double nearer = start->z > 0 && track.z > 0
@@ -235,9 +161,9 @@ class ForwardPredictor {
   std::optional<Way> motion_between_results(std::size_t then) const {
     const Seen& now = seen_.back();
     const double since = frames_[then].timestamp - last_seen_s_;
-    const std::size_t before = index_of(last_seen_s_);
+    const std::size_t before = frames_.index_of(last_seen_s_);
     if (!(since > 0) || before >= then) return std::nullopt;
-    const std::optional<Eigen::Isometry3d> T = motion_between(before, then);
+    const std::optional<Eigen::Isometry3d> T = frames_.motion(before, then);
     std::optional<Way> way;
     double best = 0.3;
     for (const Seen& old : last_seen_) {
@@ -248,7 +174,7 @@ class ForwardPredictor {
       const double overlap = both / (old.box.area() + now.box.area() - both);
       if (overlap > best) best = overlap, way = Way{now.center - still, 0};
     }
-    if (way) way->place *= (frames_.back().timestamp - frames_[then].timestamp) / since;
+    if (way) way->place *= (frames_.newest().timestamp - frames_[then].timestamp) / since;
     return way;
   }
 
@@ -281,7 +207,7 @@ class ForwardPredictor {
       if (locator_.locate(frame, depth_, object_)) return true;
     }
     const double px_per_m = depth_.focal_px() / object_.depth_m();
-    const double seconds = frames_.back().timestamp - frames_[then].timestamp;
+    const double seconds = frames_.newest().timestamp - frames_[then].timestamp;
     const int reach =
         static_cast<int>(std::min(200.0, compensation_.max_speed_m_s * px_per_m * seconds));
     const float step =
@@ -329,16 +255,14 @@ class ForwardPredictor {
   SegmentationCompensatorSettings compensation_;
   Camera camera_;
   ObjectLocator locator_;
-  std::vector<Frame> frames_;
-  std::vector<Frame> spare_;
-  std::optional<Eigen::Isometry3d> last_pose_;
+  FrameHistory frames_;
   RememberedObject object_;
   DepthView old_depth_, depth_;
   std::vector<std::vector<uchar>> masks_;
   std::vector<uchar> central_;
   std::vector<Seen> seen_, last_seen_;  // of this result, and of the one before
   double last_seen_s_ = 0;
-  bool was_late_ = false, corrected_ = false;
+  bool was_late_ = false;
   double age_s_ = 0;
   std::uint32_t status_ = kOk;
 };
