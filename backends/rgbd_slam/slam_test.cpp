@@ -337,28 +337,33 @@ TEST(SlamSystem, ClosesALoop) {
     T.translation() = T.linear() * Eigen::Vector3d(0, 0, 1);
     return T;
   };
-  double drift[2] = {0, 0};
-  int loops[2] = {0, 0};
+  enum { kOff, kOn, kThreaded };
+  double drift[3] = {0, 0, 0};
+  int loops[3] = {0, 0, 0};
   std::vector<RgbdFrame> frames;
   for (int step = 0; step < kFrames; ++step)
     frames.push_back(test_scene::render(around(step), step));
-  for (const bool closing : {false, true}) {
+  for (const int mode : {kOff, kOn, kThreaded}) {
     SlamSystem::Settings settings = small_settings();
-    settings.loops.enabled = closing;
+    settings.loops.enabled = mode != kOff;
+    settings.threaded = mode == kThreaded;
     SlamSystem slam(wrong, settings);
     for (const RgbdFrame& frame : frames) ASSERT_TRUE(feed(slam, frame)) << frame.timestamp;
+    slam.finish();
     const Trajectory trajectory = slam.trajectory();
     ASSERT_EQ(trajectory.size(), frames.size());
     // The end against the place that was seen one turn before.
     const Eigen::Isometry3d moved = trajectory[kFrames - 1 - 90].T_world_camera.inverse() *
                                     trajectory[kFrames - 1].T_world_camera;
-    drift[closing] = moved.translation().norm();
-    loops[closing] = slam.loops_closed();
+    drift[mode] = moved.translation().norm();
+    loops[mode] = slam.loops_closed();
   }
-  EXPECT_EQ(loops[false], 0);
-  EXPECT_GE(loops[true], 1);
-  EXPECT_GT(drift[false], 0.015) << "nothing to close";
-  EXPECT_LT(drift[true], drift[false] / 3);
+  EXPECT_EQ(loops[kOff], 0);
+  EXPECT_GE(loops[kOn], 1);
+  EXPECT_GT(drift[kOff], 0.015) << "nothing to close";
+  EXPECT_LT(drift[kOn], drift[kOff] / 3);
+  // How many keyframes there are in threads depends on the machine, and so does when it closes.
+  EXPECT_LT(drift[kThreaded], 0.1);
 }
 
 TEST(SlamSystem, StartsAnewWhenAYoungMapIsLost) {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include "systems.hpp"
 
+#include <algorithm>
 #include <type_traits>
 #include <utility>
 
@@ -164,8 +165,11 @@ std::vector<DynamicClass> dynamic_classes(const RunSettings& settings) {
 
 std::unique_ptr<Tracker> make_tracker(const RunSettings& settings, const Camera& camera) {
   if (settings.tracker == "slam") {
-    // Not threaded: the same input gives the same trajectory, which tables need.
     rgbd_slam::SlamSystem::Settings slam;
+    // Else not threaded: the same input gives the same trajectory, which tables need.
+    slam.threaded = settings.real_time_rate;
+    slam.loops.enabled = std::find(settings.without.begin(), settings.without.end(),
+                                   "loop_closing") == settings.without.end();
     if (settings.features > 0) slam.features.features = settings.features;
     return std::make_unique<rgbd_slam::SlamSystem>(camera, slam);
   }
@@ -176,6 +180,14 @@ std::unique_ptr<Tracker> make_tracker(const RunSettings& settings, const Camera&
   }
   throw Error("--tracker: expected one of " + joined(tracker_names()) + ", found \"" +
               settings.tracker + "\"");
+}
+
+nlohmann::ordered_json tracker_json(const Tracker& tracker) {
+  const auto* slam = dynamic_cast<const rgbd_slam::SlamSystem*>(&tracker);
+  if (!slam) return {};
+  return {{"loops_closed", slam->loops_closed()},
+          {"keyframes", slam->keyframes()},
+          {"map_points", slam->map_points()}};
 }
 
 FrontEndSettings front_end_settings(const RunSettings& settings) {
