@@ -213,9 +213,8 @@ std::string rows_text(const Json& rows) {
       "after the "
       "front end, undilated;\nkept: keypoints per frame that reach the tracker, and how many of "
       "them lie "
-      "on people; ghosts: voxels of the dense map that lie where people were; stages: median ms "
-      "per "
-      "frame.\n";
+      "on people; ghosts: voxels of the dense map\nthat lie where people were; stages: median ms "
+      "per frame.\n";
   if (failed)
     out +=
         "!  failed: under 95 % coverage (an error over few frames says nothing), or the run broke "
