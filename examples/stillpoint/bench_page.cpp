@@ -101,7 +101,7 @@ std::string accuracy_table(const std::vector<const Json*>& rows) {
       "rowspan=\"2\">coverage<br>%</th>"
       "<th class=\"group\" colspan=\"5\">ATE [m]</th><th class=\"group\" colspan=\"2\">RPE</th>"
       "<th class=\"group\" colspan=\"2\">mask IoU</th>"
-      "<th class=\"group\" colspan=\"2\">keypoints</th>",
+      "<th class=\"group\" colspan=\"2\">keypoints</th><th class=\"group\">ghosts</th>",
       {"RMSE", "worst", "mean", "spread", "S.D.", "m", "deg", "before", "after", "kept",
        "on people %"});
   for (const Json* row : rows)
@@ -113,7 +113,8 @@ std::string accuracy_table(const std::vector<const Json*>& rows) {
            at(*row, "ate_rmse_spread_m", 4) + at(*row, "ate_sd_m", 4) + at(*row, "rpe_trans_m", 4) +
            at(*row, "rpe_rot_deg", 3) + at(*row, "mask_iou_before", 3) +
            at(*row, "mask_iou_after", 3) + at(*row, "keypoints_kept", 0) +
-           at(*row, "keypoints_kept_on_people", 2, 100) + "</tr>\n";
+           at(*row, "keypoints_kept_on_people", 2, 100) + at(*row, "map_ghost_share", 2, 100) +
+           "</tr>\n";
   return out + "</tbody></table></div>\n";
 }
 
@@ -449,7 +450,8 @@ std::string make_page(const Json& rows, const std::vector<Json>& results,
       "recall "
       "and F1 judge the front end's decision (removed = positive) on 1000 ORB keypoints over the "
       "whole "
-      "picture. Times: wall clock, without reading pictures. All numbers: "
+      "picture. Ghosts: share of the dense map's voxels where people were and nothing static is. "
+      "Times: wall clock, without reading pictures. All numbers: "
       "<code>results.csv</code>, "
       "<code>results.json</code>; settings and per-frame values: <code>runs/</code>.</p>\n";
   return out + "</body></html>\n";

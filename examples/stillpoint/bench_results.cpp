@@ -81,6 +81,7 @@ Json make_row(const std::vector<const Json*>& runs) {
   for (const char* key :
        {"extracted", "kept", "kept_on_people", "precision", "recall", "f1", "static_kept"})
     row[std::string("keypoints_") + key] = mean(values({"keypoints", key}));
+  row["map_ghost_share"] = mean(values({"map", "ghost_share"}));
   for (const char* stage : kStages)
     for (const char* key : {"median", "p95"})
       row[std::string("ms_") + stage + "_" + key] = median(values({"times_ms", stage, key}));
@@ -193,8 +194,8 @@ std::string rows_text(const Json& rows) {
       if (row["sequence"] == sequence) most_runs = std::max(most_runs, row["runs"].get<int>());
     std::vector<std::string> header{sequence, "coverage", "ATE RMSE"};
     if (most_runs > 1) header.push_back("worst");
-    for (const char* name : {"S.D.", "IoU bef.", "after", "kept", "on people", "segm.", "motion",
-                             "comp.", "depth", "prob.", "extr.", "track", "total ms"})
+    for (const char* name : {"S.D.", "IoU bef.", "after", "kept", "on people", "ghosts", "segm.",
+                             "motion", "comp.", "depth", "prob.", "extr.", "track", "total ms"})
       header.push_back(name);
     TextTable table(header);
     table.rule();
@@ -219,6 +220,8 @@ std::string rows_text(const Json& rows) {
       cells.push_back(at("keypoints_kept", 0));
       cells.push_back(at("keypoints_kept_on_people", 1, 100) + " %");
       if (cells.back() == "- %") cells.back() = "-";
+      cells.push_back(at("map_ghost_share", 2, 100) + " %");
+      if (cells.back() == "- %") cells.back() = "-";
       for (const char* stage : kStages)
         cells.push_back(at(std::string("ms_") + stage + "_median", 2));
       table.add(cells);
@@ -233,7 +236,8 @@ std::string rows_text(const Json& rows) {
       "after the "
       "front end, undilated;\nkept: keypoints per frame that reach the tracker, and how many of "
       "them lie "
-      "on people; stages: median ms per frame.\n";
+      "on people; ghosts: voxels of the dense map\nthat lie where people were; stages: median ms "
+      "per frame.\n";
   out += "*  smallest error of the sequence, failed rows and exact masks aside.\n";
   if (failed)
     out +=

@@ -22,7 +22,13 @@ struct RunCommand {
 };
 
 std::string settings_line(const RunSettings& s, bool segmenter_was_open) {
-  if (!s.front_end) return "front end off: every keypoint goes to the tracker";
+  std::string tracker = "; tracker " + s.tracker;
+  if (s.real_time_rate) tracker += ", at the speed of the recording";
+  if (!s.front_end) {
+    for (const std::string& stage : s.without)
+      if (stage == "loop_closing") tracker += ", without " + stage;
+    return "front end off: every keypoint goes to the tracker" + tracker;
+  }
   std::string line = "front end on, preset " + s.preset;
   for (const std::string& stage : s.without) line += ", without " + stage;
   line += "; segmenter " + s.segmenter;
@@ -34,7 +40,7 @@ std::string settings_line(const RunSettings& s, bool segmenter_was_open) {
   if (segmenter_was_open && s.segmenter == "none")
     line += ", as there is no folder masks" +
             std::string(s.preset == "motion" ? "" : ": nothing will be masked");
-  return line + "; tracker " + s.tracker;
+  return line + tracker;
 }
 
 void run(RunCommand command) {
@@ -120,7 +126,7 @@ void add_run_command(CLI::App& app) {
               "off: the tracker alone, for comparison  [on]"),
           {"on", "off"});
   choices(command->add_option("--without", s.without, "Leave a stage out; may be given again"),
-          {"compensation", "depth", "probability", "motion", "prediction"})
+          {"compensation", "depth", "probability", "motion", "prediction", "loop_closing"})
       ->allow_extra_args(false);
   choices(command->add_option(
               "--tracker", s.tracker,
@@ -131,6 +137,8 @@ void add_run_command(CLI::App& app) {
       ->type_name("N");
   command->add_flag("--async", s.async,
                     "The segmenter in a thread, the frames at the speed of the recording");
+  command->add_flag("--real-time-rate", s.real_time_rate,
+                    "Frames at the speed of the recording; those that come too late are dropped");
   between(command->add_option("--latency", s.latency_ms,
                               "As if the segmenter took so long per frame; the same in every run"),
           0.0, 10000.0, "MS");
@@ -168,6 +176,7 @@ Examples:
   stillpoint run walk --out out --without depth             leave one stage out
   stillpoint run walk --model FastestDet.onnx --out out     a network, and no masks on the disk
   stillpoint run walk --model yolo.onnx --async --out out   beside the camera, as on a robot
+  stillpoint run walk --out out --real-time-rate            as on a robot: late frames are dropped
   stillpoint run walk --out out --save-overlays 10          pictures of every tenth frame
 
 Presets: default is ours; paper the literal method of the paper; motion the default with the motion
@@ -181,7 +190,9 @@ Results in DIR: trajectory.txt (TUM format: timestamp tx ty tz qx qy qz qw, seco
 line per tracked frame), stats.json (coverage, errors, ms per stage, status counts, settings,
 versions), map.ply (colored points of the static world), and what --save-... asks for. Overlays: kept
 keypoints green, removed ones red, the mask's edge yellow. With groundtruth.txt in SEQUENCE the error
-is computed, with masks_gt/ masks and keypoints are judged.)");
+is computed, with masks_gt/ masks and keypoints are judged, with both the map's ghosts of people.
+--real-time-rate: the clock stands still while pictures are read and results judged (not with
+--async); the tracker slam maps in threads of its own, so runs differ a little.)");
   command->callback([options] { run(*options); });
 }
 

@@ -6,6 +6,12 @@
 //   coverage          0 to 1: of the frames with ground truth those with a pose; without ground
 //                     truth tracked / frames ("coverage_of" says which)
 //   evaluation        the keys of `evaluate --json`; only with groundtruth.txt
+//   lost              stretches of frames without a pose: from_s, to_s (after the first frame),
+//                     frames, found_again (a pose in the same frame of reference came after it)
+//   tracker           loops_closed, keyframes, map_points (of the tracker slam)
+//   map               voxels; with ground truth and masks_gt ghosts: those where people were and
+//                     nothing static is, and ghost_share
+//   real_time         only with --real-time-rate: dropped_frames (not in frames), their share
 //   masks             against masks_gt, undilated; before = the segmenter's own, after = final;
 //                     means over the frames; _blurred: over the least sharp third
 //   keypoints         extracted, kept: per frame; with masks_gt kept_on_people (share of the kept),
@@ -31,7 +37,9 @@
 #include "map_view.hpp"
 #include "run_recorder.hpp"
 #include "statistics.hpp"
+#include "stillpoint/evaluation/ghost_metrics.hpp"
 #include "stillpoint/io/depth_check.hpp"
+#include "stillpoint/io/mask_folder.hpp"
 #include "stillpoint/io/ply_file.hpp"
 #include "stillpoint/mapping/dense_map.hpp"
 #include "stillpoint/version.hpp"
@@ -64,6 +72,7 @@ Json settings_json(const RunSettings& s, const FrontEndSettings& f) {
           {"masks", s.masks.string()},
           {"model", s.model.string()},
           {"async", s.async},
+          {"real_time_rate", s.real_time_rate},
           {"latency_ms", s.latency_ms < 0 ? Json() : Json(s.latency_ms)},
           {"tracker", s.tracker},
           {"features", s.features},
@@ -117,9 +126,11 @@ void add_true_blur(Json& series, const fs::path& file, const std::vector<double>
 /// Makes the dense map when all poses are final: a SLAM system corrects old ones at the end.
 class MapMaker {
  public:
-  /// Keeps the mask of every fifth frame, packed: whole frames are read again.
+  /// Keeps the mask of about every fifth frame, packed: whole frames are read again.
   void remember(std::size_t index, const Pipeline& pipeline) {
-    if (index % 5 != 0 || !pipeline.pose()) return;
+    end_ = index + 1;
+    if (index < next_ || !pipeline.pose()) return;
+    next_ = index + kEvery;
     Kept kept;
     kept.index = index;
     if (!pipeline.mask().image.empty()) cv::imencode(".png", pipeline.mask().image, kept.mask);
@@ -142,12 +153,65 @@ class MapMaker {
     return map.points(kept_.size() > 2 ? 2 : 1);
   }
 
+  /// Ghosts among the map's points; nothing where there is no truth to judge them by.
+  std::optional<GhostCounts> ghosts(const std::vector<ColoredPoint>& points,
+                                    const TumSequence& sequence, const fs::path& truth_dir,
+                                    const Trajectory& trajectory) const {
+    const Trajectory truth = sequence.groundtruth();
+    const std::vector<double> times = detail::timestamps_of(truth);
+    if (associate(times, detail::timestamps_of(trajectory)).size() < 3) return std::nullopt;
+    GhostCounter counter;
+    bool any = false;
+    const auto add = [&](std::size_t i) {
+      const fs::path mask = mask_path(truth_dir, sequence.entry(i).stem);
+      const double t = sequence.entry(i).timestamp;
+      const std::size_t n = detail::nearest(times, t);
+      std::error_code ignored;
+      if (std::abs(times[n] - t) > 0.02 || !fs::exists(mask, ignored)) return;
+      const RgbdFrame frame = sequence.load(i);
+      counter.add(frame, *sequence.camera(), read_mask(mask, frame.color.size()),
+                  truth[n].T_world_camera);
+      any = true;
+    };
+    // Also frames that the map lacks: there were people too.
+    for (std::size_t i = 0; i < end_; i += kEvery) add(i);
+    for (const Kept& kept : kept_)
+      if (kept.index % kEvery) add(kept.index);
+    if (!any) return std::nullopt;
+    return counter.count(points, ate(truth, trajectory).T_groundtruth_estimate);
+  }
+
  private:
+  static constexpr std::size_t kEvery = 5;
   struct Kept {
     std::size_t index = 0;
     std::vector<uchar> mask;
   };
   std::vector<Kept> kept_;
+  std::size_t next_ = 0, end_ = 0;
+};
+
+/// The recording's time since its first frame, for runs that keep its pace. It may be stopped while
+/// files are read and results judged, which a robot does not do.
+class RecordingClock {
+ public:
+  void start() { start_ = Clock::now(); }
+  void stop() { stopped_ = Clock::now(), running_ = false; }
+  void go_on() {
+    if (!running_) start_ += Clock::now() - stopped_;
+    running_ = true;
+  }
+  bool is_past(double time_s) const { return (running_ ? Clock::now() : stopped_) >= at(time_s); }
+  void wait_for(double time_s) const { std::this_thread::sleep_until(at(time_s)); }
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  Clock::time_point at(double time_s) const {
+    return start_ +
+           std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(time_s));
+  }
+  Clock::time_point start_, stopped_;
+  bool running_ = true;
 };
 
 }  // namespace
@@ -179,24 +243,32 @@ Json run_job(const RunSettings& wanted, const RunOutputs& outputs,
   RunRecorder recorder(fs::is_directory(truth_dir) ? truth_dir : fs::path());
   WholePictureJudge judge(front_end, settings.features);
   MapMaker map;
-  const bool with_map = !outputs.map_ply.empty() || !outputs.map_views_dir.empty();
+  const bool judge_map = fs::is_directory(truth_dir) && sequence.has_groundtruth();
+  const bool with_map = judge_map || !outputs.map_ply.empty() || !outputs.map_views_dir.empty();
   FrameWriter writer(outputs);
   WorstFrames worst(outputs, truth_dir);
   bool depth_checked = false;
-  std::chrono::steady_clock::time_point start;
+  const auto time_of = [&](std::size_t i) {
+    return sequence.entry(i).timestamp - sequence.entry(0).timestamp;
+  };
+  RecordingClock clock;
+  std::size_t dropped = 0;
   for (std::size_t i = 0; i < count; ++i) {
+    if (settings.real_time_rate && i > 0)
+      for (; i + 1 < count && clock.is_past(time_of(i + 1)); ++i)
+        ++dropped;  // a newer one is there
     const RgbdFrame frame = sequence.load(i);
     if (!depth_checked && median_depth_m(frame)) {
       depth_checked = true;
       if (const auto problem = check_depth_scale(frame)) say(*problem);
     }
     const std::string& stem = sequence.entry(i).stem;
-    // A thread beside the camera only shows its worth at the camera's pace.
-    if (settings.async && i > 0)
-      std::this_thread::sleep_until(
-          start + std::chrono::duration<double>(frame.timestamp - sequence.entry(0).timestamp));
+    clock.go_on();
+    if (i > 0 && (settings.async || settings.real_time_rate)) clock.wait_for(time_of(i));
     pipeline.process(frame);
-    if (i == 0) start = std::chrono::steady_clock::now();
+    if (i == 0) clock.start();
+    // A segmenter beside the camera works all the time, so the camera must not stop.
+    if (!settings.async) clock.stop();
     recorder.add(pipeline, frame, stem, judge);
     writer.write(pipeline, frame, stem, i, judge);
     worst.add(pipeline, frame, stem);
@@ -208,8 +280,15 @@ Json run_job(const RunSettings& wanted, const RunOutputs& outputs,
   tracker->finish();
   const Trajectory trajectory = tracker->trajectory();
   if (!outputs.trajectory.empty()) write_trajectory(outputs.trajectory, trajectory);
+  Json map_stats;
   if (with_map) {
     const std::vector<ColoredPoint> points = map.points(sequence, trajectory);
+    map_stats["voxels"] = points.size();
+    if (judge_map)
+      if (const auto ghosts = map.ghosts(points, sequence, truth_dir, trajectory)) {
+        map_stats["ghosts"] = ghosts->ghosts;
+        map_stats["ghost_share"] = ghosts->share();
+      }
     if (!outputs.map_ply.empty()) write_ply(outputs.map_ply, points);
     if (!outputs.map_views_dir.empty()) {
       make_folder(outputs.map_views_dir);
@@ -239,6 +318,13 @@ Json run_job(const RunSettings& wanted, const RunOutputs& outputs,
     add_accuracy(stats, outputs.series ? &series : nullptr, sequence.groundtruth(), trajectory,
                  recorder.timestamps(), say);
   recorder.summarize(stats, settings.front_end);
+  if (const Json of_tracker = tracker_json(*tracker); !of_tracker.is_null())
+    stats["tracker"] = of_tracker;
+  if (with_map) stats["map"] = map_stats;
+  if (settings.real_time_rate)
+    stats["real_time"] = {
+        {"dropped_frames", dropped},
+        {"dropped_share", static_cast<double>(dropped) / static_cast<double>(count)}};
   stats["settings"] = settings_json(settings, front_end);
   stats["camera"] = camera_json(*sequence.camera());
   stats["versions"] = versions_json();
@@ -354,6 +440,32 @@ std::string summary_text(const Json& stats) {
                      fixed(number(m, "precision_before"), 3) + " -> " +
                      fixed(number(m, "precision_after"), 3) + "  (masks_gt, before dilation)");
   }
+  if (stats.contains("real_time")) {
+    const Json& r = stats["real_time"];
+    add("real time", std::to_string(r["dropped_frames"].get<std::size_t>()) +
+                         " frames came too late and were dropped, " +
+                         fixed(100 * number(r, "dropped_share"), 1) + " %");
+  }
+  std::string lost;
+  for (const Json& l : stats["lost"]) {
+    if (lost.size() > 200) {
+      lost += ", ...";
+      break;
+    }
+    lost += (lost.empty() ? "" : ", ") + std::to_string(l["frames"].get<std::size_t>()) +
+            " frames from " + fixed(number(l, "from_s"), 2) + " to " + fixed(number(l, "to_s"), 2) +
+            " s, " + (l["found_again"].get<bool>() ? "then found again" : "not found again");
+  }
+  if (!lost.empty()) add("lost", lost);
+  if (stats.contains("tracker")) {
+    const Json& t = stats["tracker"];
+    add("tracker", fixed(number(t, "loops_closed"), 0) + " loops closed, " +
+                       fixed(number(t, "keyframes"), 0) + " keyframes, " +
+                       fixed(number(t, "map_points"), 0) + " points");
+  }
+  if (stats.contains("map") && stats["map"].contains("ghosts"))
+    add("map", fixed(number(stats["map"], "voxels"), 0) + " voxels, " +
+                   fixed(100 * number(stats["map"], "ghost_share"), 2) + " % ghosts of people");
   const Json& k = stats["keypoints"];
   std::string keypoints = fixed(number(k, "extracted"), 0) + " extracted, " +
                           fixed(number(k, "kept"), 0) + " kept per frame";

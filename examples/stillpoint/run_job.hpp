@@ -27,11 +27,15 @@ struct RunSettings {
   std::vector<std::string> dynamic;
   /// The segmenter beside the camera, at the speed of the recording.
   bool async = false;
+  /// Frames come at the recording's own pace, and those that come too late are dropped; the tracker
+  /// slam maps in threads of its own.
+  bool real_time_rate = false;
   /// As if the segmenter took so long per frame; negative: as fast as it is.
   double latency_ms = -1;
   std::string preset = "default";
   bool front_end = true;
-  /// Stages left out: compensation, depth, probability, motion, prediction (of late masks).
+  /// Stages left out: compensation, depth, probability, motion, prediction (of late masks),
+  /// loop_closing (of the tracker slam).
   std::vector<std::string> without;
   std::string tracker = "slam";
   /// ORB keypoints per frame; 0: the tracker's default.

@@ -195,6 +195,17 @@ void RunRecorder::summarize(Json& stats, bool front_end) const {
     const TimingSummary t = timing.summary(stage);
     stats["times_ms"][stage] = {{"median", t.median_ms}, {"p95", t.p95_ms}};
   }
+  stats["lost"] = Json::array();
+  for (std::size_t i = 0; i < records_.size(); ++i) {
+    if (records_[i].tracked) continue;
+    const std::size_t first = i;
+    while (i < records_.size() && !records_[i].tracked) ++i;
+    const double start = records_.front().timestamp;
+    stats["lost"].push_back({{"from_s", records_[first].timestamp - start},
+                             {"to_s", records_[i - 1].timestamp - start},
+                             {"frames", i - first},
+                             {"found_again", i < records_.size()}});
+  }
   stats["status"] = Json::object();
   for (const auto& [name, count] : status) stats["status"][name] = count;
 

@@ -70,7 +70,7 @@ class RunRecorder {
   const std::string& segmenter_error() const { return segmenter_error_; }
   std::size_t segmenter_errors() const { return segmenter_errors_; }
 
-  /// Adds masks, keypoints, times_ms and status to `stats`.
+  /// Adds lost, masks, keypoints, times_ms and status to `stats`.
   void summarize(nlohmann::ordered_json& stats, bool front_end) const;
   /// Curves over time: t_s, sharpness, mask_share, true_mask_share, kept; with masks_gt iou_before,
   /// iou_after, missed_before, missed_after (share of the people's pixels that the mask lacks).

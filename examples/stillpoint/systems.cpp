@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include "systems.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <type_traits>
 #include <utility>
@@ -195,8 +196,11 @@ std::vector<DynamicClass> dynamic_classes(const RunSettings& settings) {
 
 std::unique_ptr<Tracker> make_tracker(const RunSettings& settings, const Camera& camera) {
   if (settings.tracker == "slam") {
-    // Not threaded: the same input gives the same trajectory, which tables need.
     rgbd_slam::SlamSystem::Settings slam;
+    // Else not threaded: the same input gives the same trajectory, which tables need.
+    slam.threaded = settings.real_time_rate;
+    slam.loops.enabled = std::find(settings.without.begin(), settings.without.end(),
+                                   "loop_closing") == settings.without.end();
     if (settings.features > 0) slam.features.features = settings.features;
     return std::make_unique<rgbd_slam::SlamSystem>(camera, slam);
   }
@@ -237,6 +241,14 @@ void change_setting(FrontEndSettings& settings, const std::string& name, double 
   offer("min_moved_cells", settings.motion.min_moved_cells);
   offer("min_moved_share", settings.motion.min_moved_share);
   if (!found) throw Error("--vary: expected one of " + names + "; found \"" + name + "\"");
+}
+
+nlohmann::ordered_json tracker_json(const Tracker& tracker) {
+  const auto* slam = dynamic_cast<const rgbd_slam::SlamSystem*>(&tracker);
+  if (!slam) return {};
+  return {{"loops_closed", slam->loops_closed()},
+          {"keyframes", slam->keyframes()},
+          {"map_points", slam->map_points()}};
 }
 
 FrontEndSettings front_end_settings(const RunSettings& settings) {

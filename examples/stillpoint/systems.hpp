@@ -36,6 +36,9 @@ std::unique_ptr<Tracker> make_tracker(const RunSettings& settings, const Camera&
 /// name that is none of them, and lists them.
 void change_setting(FrontEndSettings& settings, const std::string& name, double value);
 
+/// What stats.json says of the tracker: loops_closed, keyframes, map_points; null if it keeps none.
+nlohmann::ordered_json tracker_json(const Tracker& tracker);
+
 /// The preset with what was left out; the seed is added to those of the preset.
 FrontEndSettings front_end_settings(const RunSettings& settings);
 

@@ -16,6 +16,7 @@
 #include "stillpoint/core/trajectory.hpp"
 #include "stillpoint/depth/depth_mask_fuser.hpp"
 #include "stillpoint/evaluation/coverage.hpp"
+#include "stillpoint/evaluation/ghost_metrics.hpp"
 #include "stillpoint/evaluation/keypoint_metrics.hpp"
 #include "stillpoint/evaluation/mask_metrics.hpp"
 #include "stillpoint/evaluation/stage_timing.hpp"

@@ -183,6 +183,11 @@ TEST_F(Cli, RunWritesWhatItSays) {
   EXPECT_EQ(stats["settings"]["segmenter"], "mask_files");
   EXPECT_GT(stats["keypoints"]["kept"], 50);
   EXPECT_GT(stats["keypoints"]["recall"], 0.5);
+  EXPECT_TRUE(stats["lost"].empty());
+  EXPECT_GT(stats["tracker"]["keyframes"], 0);
+  EXPECT_GT(stats["map"]["voxels"], 500);
+  EXPECT_LT(stats["map"]["ghost_share"], 0.02);
+  EXPECT_NE(r.out.find("% ghosts of people"), std::string::npos) << r.out;
 
   EXPECT_EQ(read_trajectory(path("out") / "trajectory.txt").size(), 12u);
   EXPECT_EQ(text_of(path("out") / "map.ply").compare(0, 4, "ply\n"), 0);
@@ -228,6 +233,7 @@ TEST_F(Cli, FrontEndCanBeSwitchedOff) {
   EXPECT_EQ(off["settings"]["front_end"], "off");
   EXPECT_FALSE(off.contains("masks"));
   EXPECT_GT(off["keypoints"]["kept_on_people"], 0.02);
+  EXPECT_GT(off["map"]["ghost_share"], 0.02);
 
   r = run("run walk --out part --without depth --without compensation --tracker vo --preset paper");
   ASSERT_EQ(r.code, 0) << r.err;
@@ -323,6 +329,63 @@ TEST_F(Cli, LateMasksArePlayed) {
   EXPECT_GT(json_of(path("thread") / "stats.json")["masks"]["iou_after"], 0.5);
   expect_error("run walk --out late --latency 100 --async", 1, "exclude each other");
   expect_error("run walk --out late --latency -5", 2, "--latency");
+}
+
+TEST_F(Cli, FramesThatComeTooLateAreDropped) {
+  // 4000 features are too slow for 300 Hz on any machine of today.
+  fs::copy(path("walk"), path("fast"), fs::copy_options::recursive);
+  for (const char* list : {"rgb.txt", "depth.txt"}) {
+    std::istringstream in(text_of(path("walk") / list));
+    std::ofstream out(path("fast") / list, std::ios::binary);
+    double first = 0;
+    for (std::string line; std::getline(in, line);) {
+      if (line[0] == '#') continue;
+      const std::size_t space = line.find(' ');
+      const double t = std::stod(line);
+      if (first == 0) first = t;
+      char stamp[40];
+      std::snprintf(stamp, sizeof stamp, "%.6f", first + (t - first) / 10);
+      out << stamp << line.substr(space) << "\n";
+    }
+  }
+  const Result r = run("run fast --out rate --real-time-rate --features 4000");
+  ASSERT_EQ(r.code, 0) << r.err;
+  const Json stats = json_of(path("rate") / "stats.json");
+  const int dropped = stats["real_time"]["dropped_frames"];
+  EXPECT_GT(dropped, 0);
+  EXPECT_EQ(stats["frames"], 12 - dropped);
+  EXPECT_NE(r.out.find(std::to_string(dropped) + " frames came too late"), std::string::npos)
+      << r.out;
+  EXPECT_LE(read_trajectory(path("rate") / "trajectory.txt").size(), 12u - dropped);
+  // Without the clock every frame is waited for.
+  ASSERT_EQ(run("run walk --out calm --front-end off --without loop_closing").code, 0);
+  const Json calm = json_of(path("calm") / "stats.json");
+  EXPECT_FALSE(calm.contains("real_time"));
+  EXPECT_EQ(calm["settings"]["without"], Json({"loop_closing"}));
+  EXPECT_EQ(calm["frames"], 12);
+}
+
+TEST_F(Cli, LostFramesAreSaid) {
+  fs::copy(path("walk"), path("black"), fs::copy_options::recursive);
+  std::vector<fs::path> pictures;
+  for (const auto& entry : fs::directory_iterator(path("black") / "rgb"))
+    pictures.push_back(entry.path());
+  std::sort(pictures.begin(), pictures.end());
+  for (std::size_t i = 5; i < 8; ++i)
+    cv::imwrite(pictures[i].string(), cv::Mat::zeros(240, 320, CV_8UC3));
+  const Result r = run("run black --out black_out");
+  ASSERT_EQ(r.code, 0) << r.err;
+  const Json stats = json_of(path("black_out") / "stats.json");
+  EXPECT_EQ(stats["tracked"], 9);
+  EXPECT_NEAR(stats["coverage"], 0.75, 1e-9);
+  ASSERT_EQ(stats["lost"].size(), 1u);
+  EXPECT_EQ(stats["lost"][0]["frames"], 3);
+  EXPECT_NEAR(stats["lost"][0]["from_s"], 5 / 30.0, 1e-3);
+  EXPECT_TRUE(stats["lost"][0]["found_again"]);
+  EXPECT_EQ(stats["status"]["no_keypoints"], 3);
+  EXPECT_LT(stats["evaluation"]["ate_rmse_m"], 0.05);
+  EXPECT_NE(r.out.find("3 frames from 0.17 to 0.23 s, then found again"), std::string::npos)
+      << r.out;
 }
 
 TEST_F(Cli, NetworksAreChecked) {

@@ -39,8 +39,10 @@ class MapTracking {
     std::size_t max_local_keyframes = 40;
   };
 
-  /// What happened to the last frame.
+  /// What happened to the last frame. Without keypoints (a black picture, or all of it masked) it
+  /// is lost; without depth it is tracked on what the map knows.
   struct Stats {
+    int keypoints = 0, with_depth = 0;
     int matches = 0, inliers = 0, local_points = 0;
     bool keyframe = false, recovered = false, restart_due = false;
   };
@@ -54,6 +56,8 @@ class MapTracking {
     current_ = TrackedFrame(std::move(frame));
     pyramid_ = &pyramid;
     stats_ = Stats();
+    stats_.keypoints = static_cast<int>(current_.frame.size());
+    for (const FrameKeypoint& k : current_.frame.keypoints) stats_.with_depth += k.depth_m > 0;
     new_keyframe_ = kNone;
     ++frame_number_;
     bool ok = false;
@@ -117,9 +121,7 @@ class MapTracking {
   };
 
   bool start(Map& map) {
-    int with_depth = 0;
-    for (const FrameKeypoint& k : current_.frame.keypoints) with_depth += k.depth_m > 0;
-    if (with_depth < settings_.min_start_points) return false;
+    if (stats_.with_depth < settings_.min_start_points) return false;
     insert_keyframe(map);
     record(map);
     return true;
