@@ -253,6 +253,23 @@ TEST(SegmentationCompensator, FollowsObjectsThatChangeTheirOrder) {
   EXPECT_NEAR(out.instances[1].box.x, a.at(0.15).box.x, 2);
 }
 
+TEST(SegmentationCompensator, OnlyTimeEndsWhatTheSegmenterHasNoNameFor) {
+  const Walker box{140, 80, 0, 0};
+  for (const char* name : {"", "person"}) {
+    Show show;
+    double t = 0;
+    Instance instance = box_instance(box.at(0).box, show.scene.size, name);
+    for (int i = 0; i < 3; ++i, t += 0.033)
+      show.compensator.compensate(show.scene.frame(kStart + t, {box.at(t)}), result({instance}));
+    std::size_t restored = 0;
+    for (int i = 0; i < 30; ++i, t += 0.033) restored += show.show(t, {}, {box}).instances.size();
+    if (*name)
+      EXPECT_EQ(restored, 8u);
+    else
+      EXPECT_NEAR(static_cast<double>(restored), Settings().max_prediction_s / 0.033, 1.5);
+  }
+}
+
 TEST(SegmentationCompensator, ForgetsAfterTooManyMisses) {
   const Walker walker{140, 80, 0, 0};
   Settings settings;

@@ -236,7 +236,9 @@ class SegmentationCompensator {
       object.mended = 0;
       return;
     }
-    if (output_.available && ++object.mended > settings_.max_restored_frames) {
+    // A segmenter says nothing of what it has no name for: only time ends that.
+    if (output_.available && !object.class_name.empty() &&
+        ++object.mended > settings_.max_restored_frames) {
       object.alive = seen;
       object.mended = 0;
       return;

@@ -33,9 +33,10 @@ struct SegmentationCompensatorSettings {
   double min_template_score = 0.5;
   /// Share of the object's measured pixels whose depth must agree with it.
   double min_depth_support = 0.5;
-  /// How many results of the segmenter in a row may miss an object before it is forgotten.
+  /// How many results of the segmenter in a row may miss an object before it is forgotten. Objects
+  /// without a class, of which a segmenter says nothing, are bounded by max_prediction_s alone.
   int max_restored_frames = 8;
-  /// How long an object is carried along without any result of the segmenter.
+  /// How long an object is carried along without being seen, where no results end it before.
   double max_prediction_s = 0.6;
   /// Bound on an object's own speed.
   double max_speed_m_s = 3;
