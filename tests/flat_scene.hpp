@@ -90,6 +90,15 @@ struct FlatScene {
   }
 };
 
+/// The scene of the tests of adapters: 640 x 480, as hosts need many keypoints; and who walks
+/// there.
+inline FlatScene large_scene() {
+  FlatScene scene;
+  scene.size = {640, 480};
+  return scene;
+}
+inline Figure walker(int i) { return {{180 + 6 * i, 100, 150, 340}, 2, 7}; }
+
 /// The instance of a rectangle, clipped to the picture, with a full mask.
 inline stillpoint::Instance box_instance(const cv::Rect& box, const cv::Size& size,
                                          const std::string& class_name = "person") {
@@ -111,15 +120,7 @@ inline stillpoint::Segmentation result(std::vector<stillpoint::Instance> instanc
 /// The instances as one mask of the whole picture, 255 where one of them is.
 inline cv::Mat picture_of(const std::vector<stillpoint::Instance>& instances,
                           const cv::Size& size) {
-  cv::Mat all = cv::Mat::zeros(size, CV_8UC1);
-  for (const stillpoint::Instance& s : instances) {
-    cv::Mat part = all(s.box);
-    if (s.mask.empty())
-      part.setTo(255);
-    else
-      part.setTo(255, s.mask);
-  }
-  return all;
+  return stillpoint::mask_from_instances(instances, size);
 }
 
 /// A mask of the whole picture, 255 in the rectangles.

@@ -16,14 +16,6 @@ using Adapter = StellaVslam<stella_vslam::system>;
 
 const double kStart_s = 1300000000;
 
-FlatScene large_scene() {
-  FlatScene scene;
-  scene.size = {640, 480};
-  return scene;
-}
-
-Figure walker(int i) { return {{180 + 6 * i, 100, 150, 340}, 2, 7}; }
-
 Segmentation seen(const Figure& figure) {
   return result({box_instance(figure.box, large_scene().size)});
 }

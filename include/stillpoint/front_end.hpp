@@ -181,9 +181,7 @@ class BasicFrontEnd {
   /// The segmenter's own, of dynamic classes.
   cv::Mat raw_mask() const { return union_of(raw_instances_); }
   /// What the motion check found.
-  cv::Mat movers_mask() const {
-    return union_of(settings_.use_motion ? motion_.found() : std::vector<Instance>());
-  }
+  cv::Mat movers_mask() const { return union_of(motion_.found()); }
   /// Both, mended by the compensation.
   cv::Mat mended_mask() const {
     return union_of((settings_.use_compensation ? compensator_.mended() : dynamic_).instances);
@@ -203,15 +201,7 @@ class BasicFrontEnd {
   }
 
   cv::Mat union_of(const std::vector<Instance>& instances) const {
-    cv::Mat all = cv::Mat::zeros(mask_.image.size(), CV_8UC1);
-    for (const Instance& s : instances) {
-      cv::Mat part = all(s.box);
-      if (s.mask.empty())
-        part.setTo(255);
-      else
-        part.setTo(255, s.mask);
-    }
-    return all;
+    return mask_from_instances(instances, mask_.image.size());
   }
 
   void process(const RgbdFrame& frame, const Segmentation& segmentation,

@@ -7,20 +7,11 @@
 #include <cstdint>
 #include <opencv2/core.hpp>
 
+#include "small_camera.hpp"
 #include "stillpoint/motion/motion_check.hpp"
 
 namespace stillpoint {
 namespace {
-
-constexpr int kWidth = 320, kHeight = 240;
-
-Camera small_camera() {
-  Camera camera;
-  camera.fx = camera.fy = 260;
-  camera.cx = 159.5, camera.cy = 119.5;
-  camera.width = kWidth, camera.height = kHeight;
-  return camera;
-}
 
 double hash(std::int64_t x, std::int64_t y, std::int64_t plane) {
   std::uint64_t h = static_cast<std::uint64_t>(x * 73856093 ^ y * 19349663 ^ plane * 83492791);

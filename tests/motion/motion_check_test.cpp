@@ -7,20 +7,11 @@
 #include <opencv2/core.hpp>
 #include <optional>
 
+#include "small_camera.hpp"
 #include "stillpoint/core/random.hpp"
 
 namespace stillpoint {
 namespace {
-
-constexpr int kWidth = 320, kHeight = 240;
-
-Camera small_camera() {
-  Camera camera;
-  camera.fx = camera.fy = 260;
-  camera.cx = 159.5, camera.cy = 119.5;
-  camera.width = kWidth, camera.height = kHeight;
-  return camera;
-}
 
 /// A wall 4 m ahead with a pillar at 2 m (static), and a box at `box_m` in world coordinates.
 RgbdFrame render(double timestamp, const Eigen::Isometry3d& T_world_camera,

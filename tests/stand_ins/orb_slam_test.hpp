@@ -15,14 +15,6 @@ namespace {
 
 const double kStart_s = 1300000000;
 
-FlatScene large_scene() {
-  FlatScene scene;
-  scene.size = {640, 480};
-  return scene;
-}
-
-Figure walker(int i) { return {{180 + 6 * i, 100, 150, 340}, 2, 7}; }
-
 ORB_SLAM_TEST(IsFedStaticKeypointsAndNeverStarved) {
   const FlatScene scene = large_scene();
   Slam slam("", "", Slam::RGBD, false);

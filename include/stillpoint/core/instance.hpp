@@ -71,6 +71,20 @@ inline Instance instance_from_mask(const cv::Mat& full_mask,
   return instance;
 }
 
+/// The instances as one mask of the whole picture, CV_8UC1, 255 where one of them is; an instance
+/// with a box alone fills it. The boxes must lie inside the picture. O(pixels).
+inline cv::Mat mask_from_instances(const std::vector<Instance>& instances, const cv::Size& size) {
+  cv::Mat all = cv::Mat::zeros(size, CV_8UC1);
+  for (const Instance& s : instances) {
+    cv::Mat part = all(s.box);
+    if (s.mask.empty())
+      part.setTo(255);
+    else
+      part.setTo(255, s.mask);
+  }
+  return all;
+}
+
 /// Throws Error unless every instance fits the picture as written at Instance. O(instances).
 inline void check_segmentation(const Segmentation& segmentation, cv::Size size) {
   for (std::size_t i = 0; i < segmentation.instances.size(); ++i) {

@@ -25,7 +25,7 @@ class StratifiedSamples {
 
   /// The sample's pixel of a cell, inside the picture.
   cv::Point place(int cell_x, int cell_y, const cv::Size& size) const {
-    const Place& p = places_[static_cast<unsigned>(cell_y * 61 + cell_x) % kTable];
+    const cv::Point p = offset(cell_x, cell_y);
     return {std::min(cell_x * cell_px_ + p.x, size.width - 1),
             std::min(cell_y * cell_px_ + p.y, size.height - 1)};
   }
