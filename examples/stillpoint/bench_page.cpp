@@ -38,11 +38,6 @@ code { background: #f4f5f7; padding: 1px 4px; border-radius: 3px; }
 pre { background: #f4f5f7; padding: 10px; overflow-x: auto; }
 )";
 
-double number_at(const Json& json, const std::string& key) {
-  return json.contains(key) && json[key].is_number() ? json[key].get<double>()
-                                                     : std::numeric_limits<double>::quiet_NaN();
-}
-
 std::vector<double> numbers(const Json& array) {
   std::vector<double> out;
   for (const Json& v : array)

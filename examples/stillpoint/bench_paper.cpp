@@ -3,8 +3,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
+#include "bench_results.hpp"
 #include "stillpoint/core/error.hpp"
 #include "terminal.hpp"
 
@@ -40,11 +40,6 @@ const std::vector<std::vector<std::string>> kTable4{
     {"w/half", "14.44", "4.35", "7.34", "4.57", "16.79", "47.49"},
     {"w/static", "14.61", "4.14", "7.58", "4.56", "8.58", "39.47"},
     {"s/static", "15.14", "4.37", "11.85", "4.29", "7.84", "43.49"}};
-
-double number_at(const Json& row, const std::string& key) {
-  return row.contains(key) && row[key].is_number() ? row[key].get<double>()
-                                                   : std::numeric_limits<double>::quiet_NaN();
-}
 
 /// The row of a sequence (by the paper's name) and variant, null if there is none.
 const Json* find_row(const Json& rows, const std::string& paper_name, const std::string& variant) {

@@ -22,7 +22,7 @@ const char* const kStages[] = {"segmentation", "motion",     "compensation", "de
                                "probability",  "extraction", "tracking",     "total"};
 
 /// The number at a path of keys; NaN where there is none.
-double number_at(const Json& json, std::initializer_list<const char*> keys) {
+double number_at_path(const Json& json, std::initializer_list<const char*> keys) {
   const Json* at = &json;
   for (const char* key : keys) {
     if (!at->is_object() || !at->contains(key)) return std::numeric_limits<double>::quiet_NaN();
@@ -44,7 +44,7 @@ Json make_row(const std::vector<const Json*>& runs) {
   const auto values = [&](std::initializer_list<const char*> keys) {
     std::vector<double> all;
     for (const Json* run : runs)
-      if (run->contains("stats")) all.push_back(number_at((*run)["stats"], keys));
+      if (run->contains("stats")) all.push_back(number_at_path((*run)["stats"], keys));
     return all;
   };
   Json row;
@@ -99,11 +99,11 @@ void mark_best(Json& rows) {
   for (Json& row : rows) {
     const auto counts = [](const Json& r) {
       return r["failed"] == "" && r["variant"] != "truth" &&
-             std::isfinite(number_at(r, {"ate_rmse_m"}));
+             std::isfinite(number_at(r, "ate_rmse_m"));
     };
     row["best"] = counts(row) && std::none_of(rows.begin(), rows.end(), [&](const Json& other) {
                     return other["sequence"] == row["sequence"] && counts(other) &&
-                           number_at(other, {"ate_rmse_m"}) < number_at(row, {"ate_rmse_m"});
+                           number_at(other, "ate_rmse_m") < number_at(row, "ate_rmse_m");
                   });
   }
 }
@@ -128,6 +128,11 @@ std::string csv_cell(const Json& value) {
 }
 
 }  // namespace
+
+double number_at(const Json& json, const std::string& key) {
+  return json.contains(key) && json[key].is_number() ? json[key].get<double>()
+                                                     : std::numeric_limits<double>::quiet_NaN();
+}
 
 std::vector<Json> read_results(const std::vector<fs::path>& folders) {
   std::vector<std::pair<fs::path, Json>> found;
@@ -203,7 +208,7 @@ std::string rows_text(const Json& rows) {
     for (; i < rows.size() && rows[i]["sequence"] == sequence; ++i) {
       const Json& row = rows[i];
       const auto at = [&](const std::string& key, int digits, double factor = 1) {
-        return fixed(factor * number_at(row, {key.c_str()}), digits);
+        return fixed(factor * number_at(row, key), digits);
       };
       const std::string why = row["failed"];
       failed = failed || !why.empty();

@@ -11,6 +11,9 @@ namespace stillpoint::cli {
 /// Coverage below this makes a row a failure, whatever its error.
 constexpr double kCoverageFloor = 0.95;
 
+/// The number of a key; NaN where there is none.
+double number_at(const nlohmann::ordered_json& json, const std::string& key);
+
 /// The results (runs/*/*.json) below some bench folders, in the order of sequence, variant, run.
 /// Throws Error for a file that is no result.
 std::vector<nlohmann::ordered_json> read_results(const std::vector<std::filesystem::path>& folders);

@@ -7,6 +7,7 @@
 #include <map>
 #include <set>
 
+#include "bench_results.hpp"
 #include "plot.hpp"
 #include "statistics.hpp"
 
@@ -15,10 +16,6 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
-
-double number_at(const Json& json, const std::string& key) {
-  return json.contains(key) && json[key].is_number() ? json[key].get<double>() : kNaN;
-}
 
 struct Curve {
   const char* variant;
