@@ -137,48 +137,55 @@ class MapMaker {
     kept_.push_back(std::move(kept));
   }
 
-  std::vector<ColoredPoint> points(const TumSequence& sequence,
-                                   const Trajectory& trajectory) const {
+  struct Result {
+    std::vector<ColoredPoint> points;
+    /// Ghosts among them; nothing where there is no truth to judge them by.
+    std::optional<GhostCounts> ghosts;
+  };
+
+  /// `truth_dir`: masks_gt of a sequence with ground truth, to count ghosts by; empty: not at all.
+  Result make(const TumSequence& sequence, const Trajectory& trajectory,
+              const fs::path& truth_dir) const {
     std::map<double, const StampedPose*> poses;
     for (const StampedPose& pose : trajectory) poses[pose.timestamp] = &pose;
-    DenseMap map;
-    for (const Kept& kept : kept_) {
-      const auto pose = poses.find(sequence.entry(kept.index).timestamp);
-      if (pose == poses.end()) continue;
-      const RgbdFrame frame = sequence.load(kept.index);
-      DynamicMask mask;
-      if (!kept.mask.empty()) mask.image = cv::imdecode(kept.mask, cv::IMREAD_GRAYSCALE);
-      map.integrate(frame, *sequence.camera(), mask, pose->second->T_world_camera);
-    }
-    return map.points(kept_.size() > 2 ? 2 : 1);
-  }
-
-  /// Ghosts among the map's points; nothing where there is no truth to judge them by.
-  std::optional<GhostCounts> ghosts(const std::vector<ColoredPoint>& points,
-                                    const TumSequence& sequence, const fs::path& truth_dir,
-                                    const Trajectory& trajectory) const {
-    const Trajectory truth = sequence.groundtruth();
+    std::map<std::size_t, const Kept*> frames;
+    for (const Kept& kept : kept_) frames[kept.index] = &kept;
+    Trajectory truth;
+    if (!truth_dir.empty()) truth = sequence.groundtruth();
     const std::vector<double> times = detail::timestamps_of(truth);
-    if (associate(times, detail::timestamps_of(trajectory)).size() < 3) return std::nullopt;
+    const bool judge = associate(times, detail::timestamps_of(trajectory)).size() >= 3;
+    // Also frames that the map lacks: there were people too.
+    if (judge)
+      for (std::size_t i = 0; i < end_; i += kEvery) frames.emplace(i, nullptr);
+
+    DenseMap map;
     GhostCounter counter;
     bool any = false;
-    const auto add = [&](std::size_t i) {
-      const fs::path mask = mask_path(truth_dir, sequence.entry(i).stem);
-      const double t = sequence.entry(i).timestamp;
-      const std::size_t n = detail::nearest(times, t);
+    for (const auto& [index, kept] : frames) {
+      const SequenceEntry& entry = sequence.entry(index);
+      const auto pose = kept ? poses.find(entry.timestamp) : poses.end();
+      const StampedPose* true_pose = judge ? near(truth, times, entry.timestamp) : nullptr;
+      const fs::path people = mask_path(truth_dir, entry.stem);
       std::error_code ignored;
-      if (std::abs(times[n] - t) > 0.02 || !fs::exists(mask, ignored)) return;
-      const RgbdFrame frame = sequence.load(i);
-      counter.add(frame, *sequence.camera(), read_mask(mask, frame.color.size()),
-                  truth[n].T_world_camera);
-      any = true;
-    };
-    // Also frames that the map lacks: there were people too.
-    for (std::size_t i = 0; i < end_; i += kEvery) add(i);
-    for (const Kept& kept : kept_)
-      if (kept.index % kEvery) add(kept.index);
-    if (!any) return std::nullopt;
-    return counter.count(points, ate(truth, trajectory).T_groundtruth_estimate);
+      if (true_pose && !fs::exists(people, ignored)) true_pose = nullptr;
+      if (pose == poses.end() && !true_pose) continue;
+      const RgbdFrame frame = sequence.load(index);
+      if (pose != poses.end()) {
+        DynamicMask mask;
+        if (!kept->mask.empty()) mask.image = cv::imdecode(kept->mask, cv::IMREAD_GRAYSCALE);
+        map.integrate(frame, *sequence.camera(), mask, pose->second->T_world_camera);
+      }
+      if (true_pose) {
+        counter.add(frame, *sequence.camera(), read_mask(people, frame.color.size()),
+                    true_pose->T_world_camera);
+        any = true;
+      }
+    }
+    Result result;
+    result.points = map.points(kept_.size() > 2 ? 2 : 1);
+    if (any)
+      result.ghosts = counter.count(result.points, ate(truth, trajectory).T_groundtruth_estimate);
+    return result;
   }
 
  private:
@@ -187,6 +194,13 @@ class MapMaker {
     std::size_t index = 0;
     std::vector<uchar> mask;
   };
+
+  static const StampedPose* near(const Trajectory& poses, const std::vector<double>& times,
+                                 double timestamp) {
+    const std::size_t n = detail::nearest(times, timestamp);
+    return std::abs(times[n] - timestamp) > 0.02 ? nullptr : &poses[n];
+  }
+
   std::vector<Kept> kept_;
   std::size_t next_ = 0, end_ = 0;
 };
@@ -246,7 +260,7 @@ Json run_job(const RunSettings& wanted, const RunOutputs& outputs,
   const bool judge_map = fs::is_directory(truth_dir) && sequence.has_groundtruth();
   const bool with_map = judge_map || !outputs.map_ply.empty() || !outputs.map_views_dir.empty();
   FrameWriter writer(outputs);
-  WorstFrames worst(outputs, truth_dir);
+  WorstFrames worst(outputs);
   bool depth_checked = false;
   const auto time_of = [&](std::size_t i) {
     return sequence.entry(i).timestamp - sequence.entry(0).timestamp;
@@ -271,7 +285,7 @@ Json run_job(const RunSettings& wanted, const RunOutputs& outputs,
     if (!settings.async) clock.stop();
     recorder.add(pipeline, frame, stem, judge);
     writer.write(pipeline, frame, stem, i, judge);
-    worst.add(pipeline, frame, stem);
+    worst.add(pipeline, frame, stem, recorder.truth(), recorder.mask_counts());
     if (with_map) map.remember(i, pipeline);
     progress(i + 1, count);
   }
@@ -282,13 +296,13 @@ Json run_job(const RunSettings& wanted, const RunOutputs& outputs,
   if (!outputs.trajectory.empty()) write_trajectory(outputs.trajectory, trajectory);
   Json map_stats;
   if (with_map) {
-    const std::vector<ColoredPoint> points = map.points(sequence, trajectory);
+    const auto [points, ghosts] =
+        map.make(sequence, trajectory, judge_map ? truth_dir : fs::path());
     map_stats["voxels"] = points.size();
-    if (judge_map)
-      if (const auto ghosts = map.ghosts(points, sequence, truth_dir, trajectory)) {
-        map_stats["ghosts"] = ghosts->ghosts;
-        map_stats["ghost_share"] = ghosts->share();
-      }
+    if (ghosts) {
+      map_stats["ghosts"] = ghosts->ghosts;
+      map_stats["ghost_share"] = ghosts->share();
+    }
     if (!outputs.map_ply.empty()) write_ply(outputs.map_ply, points);
     if (!outputs.map_views_dir.empty()) {
       make_folder(outputs.map_views_dir);
@@ -408,43 +422,39 @@ void make_folder(const fs::path& path) {
 }
 
 std::string summary_text(const Json& stats) {
-  const auto number = [](const Json& json, const char* key) {
-    return json.contains(key) && json[key].is_number() ? json[key].get<double>()
-                                                       : std::numeric_limits<double>::quiet_NaN();
-  };
   std::string out;
   const auto add = [&](const std::string& name, const std::string& text) {
     out += name + std::string(name.size() < 12 ? 12 - name.size() : 1, ' ') + text + "\n";
   };
-  const double covered = number(stats, "coverage");
+  const double covered = number_at(stats, "coverage");
   add("frames", std::to_string(stats["frames"].get<std::size_t>()) + ", tracked " +
                     std::to_string(stats["tracked"].get<std::size_t>()) + ", coverage " +
                     fixed(100 * covered, 1) + " % of the " +
                     stats["coverage_of"].get<std::string>());
   if (stats.contains("evaluation")) {
     const Json& e = stats["evaluation"];
-    add("ATE [m]", "RMSE " + fixed(number(e, "ate_rmse_m"), 4) + "  S.D. " +
-                       fixed(number(e, "ate_sd_m"), 4) + "  max " +
-                       fixed(number(e, "ate_max_m"), 4));
-    add("RPE", fixed(number(e, "rpe_trans_m"), 4) + " m, " + fixed(number(e, "rpe_rot_deg"), 3) +
-                   " deg from frame to frame");
+    add("ATE [m]", "RMSE " + fixed(number_at(e, "ate_rmse_m"), 4) + "  S.D. " +
+                       fixed(number_at(e, "ate_sd_m"), 4) + "  max " +
+                       fixed(number_at(e, "ate_max_m"), 4));
+    add("RPE", fixed(number_at(e, "rpe_trans_m"), 4) + " m, " +
+                   fixed(number_at(e, "rpe_rot_deg"), 3) + " deg from frame to frame");
   }
   if (covered < kCoverageFloor)
     add("", "FAILED: under 95 % coverage; an error over the rest says little");
   if (stats.contains("masks")) {
     const Json& m = stats["masks"];
-    add("masks", "IoU " + fixed(number(m, "iou_before"), 3) + " -> " +
-                     fixed(number(m, "iou_after"), 3) + ", recall " +
-                     fixed(number(m, "recall_before"), 3) + " -> " +
-                     fixed(number(m, "recall_after"), 3) + ", precision " +
-                     fixed(number(m, "precision_before"), 3) + " -> " +
-                     fixed(number(m, "precision_after"), 3) + "  (masks_gt, before dilation)");
+    add("masks", "IoU " + fixed(number_at(m, "iou_before"), 3) + " -> " +
+                     fixed(number_at(m, "iou_after"), 3) + ", recall " +
+                     fixed(number_at(m, "recall_before"), 3) + " -> " +
+                     fixed(number_at(m, "recall_after"), 3) + ", precision " +
+                     fixed(number_at(m, "precision_before"), 3) + " -> " +
+                     fixed(number_at(m, "precision_after"), 3) + "  (masks_gt, before dilation)");
   }
   if (stats.contains("real_time")) {
     const Json& r = stats["real_time"];
     add("real time", std::to_string(r["dropped_frames"].get<std::size_t>()) +
                          " frames came too late and were dropped, " +
-                         fixed(100 * number(r, "dropped_share"), 1) + " %");
+                         fixed(100 * number_at(r, "dropped_share"), 1) + " %");
   }
   std::string lost;
   for (const Json& l : stats["lost"]) {
@@ -453,28 +463,29 @@ std::string summary_text(const Json& stats) {
       break;
     }
     lost += (lost.empty() ? "" : ", ") + std::to_string(l["frames"].get<std::size_t>()) +
-            " frames from " + fixed(number(l, "from_s"), 2) + " to " + fixed(number(l, "to_s"), 2) +
-            " s, " + (l["found_again"].get<bool>() ? "then found again" : "not found again");
+            " frames from " + fixed(number_at(l, "from_s"), 2) + " to " +
+            fixed(number_at(l, "to_s"), 2) + " s, " +
+            (l["found_again"].get<bool>() ? "then found again" : "not found again");
   }
   if (!lost.empty()) add("lost", lost);
   if (stats.contains("tracker")) {
     const Json& t = stats["tracker"];
-    add("tracker", fixed(number(t, "loops_closed"), 0) + " loops closed, " +
-                       fixed(number(t, "keyframes"), 0) + " keyframes, " +
-                       fixed(number(t, "map_points"), 0) + " points");
+    add("tracker", fixed(number_at(t, "loops_closed"), 0) + " loops closed, " +
+                       fixed(number_at(t, "keyframes"), 0) + " keyframes, " +
+                       fixed(number_at(t, "map_points"), 0) + " points");
   }
   if (stats.contains("map") && stats["map"].contains("ghosts"))
-    add("map", fixed(number(stats["map"], "voxels"), 0) + " voxels, " +
-                   fixed(100 * number(stats["map"], "ghost_share"), 2) + " % ghosts of people");
+    add("map", fixed(number_at(stats["map"], "voxels"), 0) + " voxels, " +
+                   fixed(100 * number_at(stats["map"], "ghost_share"), 2) + " % ghosts of people");
   const Json& k = stats["keypoints"];
-  std::string keypoints = fixed(number(k, "extracted"), 0) + " extracted, " +
-                          fixed(number(k, "kept"), 0) + " kept per frame";
-  if (std::isfinite(number(k, "kept_on_people")))
-    keypoints += "; " + fixed(100 * number(k, "kept_on_people"), 2) + " % of the kept on people";
+  std::string keypoints = fixed(number_at(k, "extracted"), 0) + " extracted, " +
+                          fixed(number_at(k, "kept"), 0) + " kept per frame";
+  if (std::isfinite(number_at(k, "kept_on_people")))
+    keypoints += "; " + fixed(100 * number_at(k, "kept_on_people"), 2) + " % of the kept on people";
   add("keypoints", keypoints);
   std::string times;
   for (const auto& [stage, t] : stats["times_ms"].items())
-    times += (times.empty() ? "" : ", ") + stage + " " + fixed(number(t, "median"), 2);
+    times += (times.empty() ? "" : ", ") + stage + " " + fixed(number_at(t, "median"), 2);
   add("ms/frame", times + "  (medians)");
   std::string status;
   for (const auto& [name, n] : stats["status"].items())

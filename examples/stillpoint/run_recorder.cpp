@@ -73,17 +73,11 @@ void FrameWriter::finish() {
     throw Error(outputs_.keypoints_csv.string() + ": could not be written to its end (disk full?)");
 }
 
-WorstFrames::WorstFrames(const RunOutputs& outputs, std::filesystem::path truth_dir)
-    : folder_(outputs.worst_dir), truth_dir_(std::move(truth_dir)), count_(outputs.worst) {}
-
-void WorstFrames::add(const Pipeline& pipeline, const RgbdFrame& frame, const std::string& stem) {
+void WorstFrames::add(const Pipeline& pipeline, const RgbdFrame& frame, const std::string& stem,
+                      const cv::Mat& truth, const BinaryCounts& counts) {
   constexpr double kApartS = 0.25;
-  if (count_ == 0 || !pipeline.uses_front_end()) return;
-  const std::filesystem::path truth_file = mask_path(truth_dir_, stem);
-  if (!std::filesystem::exists(truth_file)) return;
-  const cv::Mat truth = read_mask(truth_file, frame.color.size());
+  if (count_ == 0 || truth.empty() || !pipeline.uses_front_end()) return;
   const FrontEnd& front_end = pipeline.front_end();
-  const BinaryCounts counts = compare_masks(front_end.undilated_mask(), truth);
   Frame worse;
   worse.timestamp = frame.timestamp, worse.stem = stem;
   worse.wrong = static_cast<double>(counts.false_positive + counts.false_negative) /
@@ -141,8 +135,9 @@ void RunRecorder::add(const Pipeline& pipeline, const RgbdFrame& frame, const st
 
   std::error_code ignored;
   const std::filesystem::path truth_file = mask_path(truth_dir_, stem);
+  truth_ = cv::Mat();
   if (!truth_dir_.empty() && std::filesystem::exists(truth_file, ignored)) {
-    const cv::Mat truth = read_mask(truth_file, frame.color.size());
+    const cv::Mat truth = truth_ = read_mask(truth_file, frame.color.size());
     any_truth_ = r.has_truth = true;
     r.true_share = cv::countNonZero(truth) / static_cast<double>(truth.total());
     r.tracked_keypoints = compare_keypoints(pipeline.keypoints(), pipeline.selection(), truth);

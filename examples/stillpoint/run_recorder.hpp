@@ -38,8 +38,11 @@ class FrameWriter {
 /// is wrong in the mask before dilation, at least a quarter of a second apart.
 class WorstFrames {
  public:
-  explicit WorstFrames(const RunOutputs& outputs, std::filesystem::path truth_dir);
-  void add(const Pipeline& pipeline, const RgbdFrame& frame, const std::string& stem);
+  explicit WorstFrames(const RunOutputs& outputs)
+      : folder_(outputs.worst_dir), count_(outputs.worst) {}
+  /// `truth`: the true mask, empty where there is none; `counts`: the final mask against it.
+  void add(const Pipeline& pipeline, const RgbdFrame& frame, const std::string& stem,
+           const cv::Mat& truth, const BinaryCounts& counts);
   /// Writes 01_STEM.png (the worst) and so on. Throws Error if that is not possible.
   void finish() const;
 
@@ -49,7 +52,7 @@ class WorstFrames {
     std::string stem;
     cv::Mat picture;
   };
-  std::filesystem::path folder_, truth_dir_;
+  std::filesystem::path folder_;
   std::size_t count_ = 0;
   std::vector<Frame> frames_;  // the worst first
 };
@@ -62,6 +65,10 @@ class RunRecorder {
 
   void add(const Pipeline& pipeline, const RgbdFrame& frame, const std::string& stem,
            WholePictureJudge& judge);
+
+  /// The true mask of the last frame, empty where there is none, and the final one against it.
+  const cv::Mat& truth() const { return truth_; }
+  const BinaryCounts& mask_counts() const { return records_.back().after; }
 
   std::size_t frames() const { return records_.size(); }
   std::size_t tracked() const;
@@ -90,6 +97,7 @@ class RunRecorder {
   };
 
   std::filesystem::path truth_dir_;
+  cv::Mat truth_;
   std::vector<Record> records_;
   std::string segmenter_error_;
   std::size_t segmenter_errors_ = 0;

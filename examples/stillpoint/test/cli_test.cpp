@@ -87,6 +87,19 @@ class Cli : public testing::Test {
 
   static fs::path path(const std::string& name) { return *folder_ / name; }
 
+  /// A copy of the sequence whose frames from `begin` on, before `end`, are of one gray.
+  static void copy_with_blind_frames(const std::string& name, std::size_t begin, std::size_t end,
+                                     int gray) {
+    fs::copy(path("walk"), path(name), fs::copy_options::recursive);
+    std::vector<fs::path> pictures;
+    for (const auto& entry : fs::directory_iterator(path(name) / "rgb"))
+      pictures.push_back(entry.path());
+    std::sort(pictures.begin(), pictures.end());
+    ASSERT_LE(end, pictures.size());
+    for (std::size_t i = begin; i < end; ++i)
+      cv::imwrite(pictures[i].string(), cv::Mat(240, 320, CV_8UC3, cv::Scalar::all(gray)));
+  }
+
   static fs::path* folder_;
 };
 fs::path* Cli::folder_ = nullptr;
@@ -223,6 +236,30 @@ TEST_F(Cli, SameInputGivesTheSameBytes) {
     const fs::path other = path("again") / fs::relative(entry.path(), path("walk"));
     EXPECT_EQ(text_of(entry.path()), text_of(other)) << other;
   }
+}
+
+TEST_F(Cli, WorstFramesAreFoundByTheirMasks) {
+  // One frame's mask is all wrong.
+  fs::copy(path("walk"), path("wrong"), fs::copy_options::recursive);
+  std::vector<fs::path> masks;
+  for (const auto& entry : fs::directory_iterator(path("wrong") / "masks_gt"))
+    masks.push_back(entry.path());
+  std::sort(masks.begin(), masks.end());
+  const cv::Mat truth = cv::imread(masks[6].string(), cv::IMREAD_UNCHANGED);
+  cv::imwrite(masks[6].string(), cv::Mat(truth == 0));
+  const Result r = run("run wrong --out worst_out --save-worst 2");
+  ASSERT_EQ(r.code, 0) << r.err;
+  EXPECT_NE(r.out.find("worst/"), std::string::npos) << r.out;
+  // Twelve frames are 0.4 s: there is room for two, a quarter of a second apart.
+  const std::size_t found = files_in(path("worst_out") / "worst", ".png");
+  EXPECT_GE(found, 1u);
+  EXPECT_LE(found, 2u);
+  const cv::Mat sheet = cv::imread(
+      (path("worst_out") / "worst" / ("01_" + masks[6].stem().string() + ".png")).string());
+  EXPECT_EQ(sheet.size(), cv::Size(3 * 160, 2 * (120 + 26))) << "the worst one comes first";
+
+  fs::remove_all(path("wrong") / "masks_gt");
+  expect_error("run wrong --out none --save-worst 2", 1, "masks_gt");
 }
 
 TEST_F(Cli, FrontEndCanBeSwitchedOff) {
@@ -366,13 +403,7 @@ TEST_F(Cli, FramesThatComeTooLateAreDropped) {
 }
 
 TEST_F(Cli, LostFramesAreSaid) {
-  fs::copy(path("walk"), path("black"), fs::copy_options::recursive);
-  std::vector<fs::path> pictures;
-  for (const auto& entry : fs::directory_iterator(path("black") / "rgb"))
-    pictures.push_back(entry.path());
-  std::sort(pictures.begin(), pictures.end());
-  for (std::size_t i = 5; i < 8; ++i)
-    cv::imwrite(pictures[i].string(), cv::Mat::zeros(240, 320, CV_8UC3));
+  copy_with_blind_frames("black", 5, 8, 0);
   const Result r = run("run black --out black_out");
   ASSERT_EQ(r.code, 0) << r.err;
   const Json stats = json_of(path("black_out") / "stats.json");
@@ -764,14 +795,8 @@ TEST_F(Cli, PageIsDrawnByABrowser) {
 }
 
 TEST_F(Cli, BenchMarksLostTracks) {
-  // From the fourth frame on the depth is black and the color gray: nothing can be tracked.
-  fs::copy(path("walk"), path("dark"), fs::copy_options::recursive);
-  std::vector<fs::path> pictures;
-  for (const auto& entry : fs::directory_iterator(path("dark") / "rgb"))
-    pictures.push_back(entry.path());
-  std::sort(pictures.begin(), pictures.end());
-  for (std::size_t i = 4; i < pictures.size(); ++i)
-    cv::imwrite(pictures[i].string(), cv::Mat(240, 320, CV_8UC3, cv::Scalar(90, 90, 90)));
+  // Gray pictures: nothing can be tracked.
+  copy_with_blind_frames("dark", 4, 12, 90);
   const Result r = run("bench dark --out d --variants default --tracker vo");
   ASSERT_EQ(r.code, 0) << r.err;
   const Json rows = json_of(path("d") / "results.json")["rows"];
