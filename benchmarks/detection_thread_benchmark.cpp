@@ -42,11 +42,8 @@ class SlowSegmenter : public Segmenter {
       std::unique_lock<std::mutex> guard(mutex_);
       changed_.wait_for(guard, Seconds(seconds_), [this] { return ended_; });
     }
-    // The player's way through the scene.
-    const std::size_t n = scene_.frames.size(), period = 2 * n - 2;
     const std::size_t step = static_cast<std::size_t>(std::lround((frame.timestamp - 1.3e9) * 30));
-    const std::size_t at = (step - 1) % period;
-    return scene_.segmentations[at < n ? at : period - at];
+    return scene_.segmentations[Player::index_at(scene_, step - 1)];
   }
   void end() {
     const std::lock_guard<std::mutex> guard(mutex_);

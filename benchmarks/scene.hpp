@@ -38,14 +38,18 @@ class Player {
 
   /// The next frame: O(1).
   const RgbdFrame& next() {
-    const std::size_t n = scene_.frames.size(), period = n > 1 ? 2 * n - 2 : 1;
-    const std::size_t at = step_++ % period;
-    index_ = at < n ? at : period - at;
+    index_ = index_at(scene_, step_++);
     frame_ = scene_.frames[index_];
     frame_.timestamp = 1.3e9 + static_cast<double>(step_) / 30;
     segmentation_ = scene_.segmentations[index_];
     segmentation_.timestamp = frame_.timestamp;
     return frame_;
+  }
+  /// Which frame of the scene comes at a step, the first of which is 0.
+  static std::size_t index_at(const Scene& scene, std::size_t step) {
+    const std::size_t n = scene.frames.size(), period = n > 1 ? 2 * n - 2 : 1;
+    const std::size_t at = step % period;
+    return at < n ? at : period - at;
   }
   std::size_t index() const { return index_; }
   const Segmentation& segmentation() const { return segmentation_; }

@@ -268,6 +268,14 @@ class Trouble : public testing::Test {
     }
   }
 
+  void expect_lost_and_found_again() const {
+    EXPECT_EQ(tracked_in_trouble_, 0);
+    EXPECT_EQ(keypoints_, 0);
+    EXPECT_EQ(tracked_else_, kFrames - (kEnd - kBegin));
+    EXPECT_EQ(recovered_, 1);
+    EXPECT_LT(worst_error(slam_.trajectory(), path_at_10_hz), 0.03);
+  }
+
   SlamSystem slam_{test_scene::camera(), small_settings()};
   int tracked_in_trouble_ = 0, tracked_else_ = 0, recovered_ = 0;
   int keypoints_ = 0, with_depth_ = 0;
@@ -275,22 +283,14 @@ class Trouble : public testing::Test {
 
 TEST_F(Trouble, BlackPicturesAreLostAndTheWayIsFoundAgain) {
   walk([](RgbdFrame& frame, DynamicMask&) { frame.color.setTo(0); });
-  EXPECT_EQ(tracked_in_trouble_, 0);
-  EXPECT_EQ(keypoints_, 0);
-  EXPECT_EQ(tracked_else_, kFrames - (kEnd - kBegin));
-  EXPECT_EQ(recovered_, 1);
-  EXPECT_LT(worst_error(slam_.trajectory(), path_at_10_hz), 0.03);
+  expect_lost_and_found_again();
 }
 
 TEST_F(Trouble, FullMasksAreLostAndTheWayIsFoundAgain) {
   walk([](RgbdFrame& frame, DynamicMask& mask) {
     mask.image = cv::Mat(frame.color.size(), CV_8UC1, cv::Scalar(255));
   });
-  EXPECT_EQ(tracked_in_trouble_, 0);
-  EXPECT_EQ(keypoints_, 0);
-  EXPECT_EQ(tracked_else_, kFrames - (kEnd - kBegin));
-  EXPECT_EQ(recovered_, 1);
-  EXPECT_LT(worst_error(slam_.trajectory(), path_at_10_hz), 0.03);
+  expect_lost_and_found_again();
 }
 
 TEST_F(Trouble, AKidnappedCameraIsLostUntilItSeesWhatItKnows) {
