@@ -32,7 +32,8 @@ double texture(double x, double y, double size_m, int plane) {
 /// A textured wall 3.2 m ahead, askew (a turn before a wall that is not looks as a step does) and,
 /// if `box_x` is a number, a textured board 1.2 m ahead that is 0.44 m wide and as high as the
 /// picture: a good part of the corners, little area.
-RgbdFrame render(double timestamp, const Eigen::Isometry3d& T_world_camera, double box_x = NAN) {
+RgbdFrame render(double timestamp, const Eigen::Isometry3d& T_world_camera, double box_x = NAN,
+                 double half_width_m = 0.22) {
   const Camera camera = small_camera();
   RgbdFrame frame;
   frame.timestamp = timestamp;
@@ -48,7 +49,7 @@ RgbdFrame render(double timestamp, const Eigen::Isometry3d& T_world_camera, doub
       double gray = texture(p.x(), p.y(), 0.12, 1);
       const double near = (1.2 - o.z()) / d.z();
       const Eigen::Vector3d q = o + near * d;
-      if (std::abs(q.x() - box_x) < 0.22) {
+      if (std::abs(q.x() - box_x) < half_width_m) {
         z = near;
         gray = texture(q.x() - box_x, q.y(), 0.04, 2);
       }
@@ -109,6 +110,16 @@ TEST(CameraMotion, KeepsToTheWallAlthoughTheHostGoesWithAPersonCloseBy) {
   for (const CameraMotion::Dissent& d : dissents) EXPECT_LT(d.depth_m, 1.5);
   // Who follows the board is believed that the board stands still.
   EXPECT_TRUE(motion.dissents(found->T_current_last, with_board).empty());
+}
+
+TEST(CameraMotion, HearsDissentsThatAreMostOfTheCorners) {
+  const Eigen::Isometry3d first = pose(0, 0, 0), second = pose(0.02, 0, 0);
+  CameraMotion motion;
+  add(motion, render(0, first, 0.0, 0.45), Eigen::Isometry3d::Identity());
+  add(motion, render(0.03, second, -0.03, 0.45), Eigen::Isometry3d::Identity());
+  const Eigen::Isometry3d truth = second.inverse();
+  EXPECT_LT((motion.estimate(truth)->T_current_last * second).translation().norm(), 0.004);
+  EXPECT_GT(2 * motion.dissents(truth, truth).size(), motion.followed());
 }
 
 TEST(CameraMotion, SaysNothingWhereThereIsNothingToFollow) {

@@ -109,8 +109,8 @@ class CameraMotion {
   };
 
   /// The corners that dissent from two motions (the same one twice, where there is one): off by
-  /// over two pixels and four times what is usual, with at least two others within 0.3 m that move
-  /// alike, and more than do not. O(corners squared).
+  /// over two pixels and four times the median by area, with at least two others within 0.3 m that
+  /// move alike, and more than do not. O(corners squared).
   const std::vector<Dissent>& dissents(const Eigen::Isometry3d& T_current_last,
                                        const Eigen::Isometry3d& another) {
     dissents_.clear();
@@ -230,13 +230,17 @@ class CameraMotion {
     const Eigen::Vector3f t = T_current_last.translation().cast<float>();
     errors_.clear();
     sorted_.clear();
+    float half = 0;
     for (const Flow& f : flows_) {
       errors_.push_back(error_px(f, R * f.from + t));
-      sorted_.push_back(errors_.back().norm());
+      sorted_.emplace_back(errors_.back().norm(), f.area);
+      half += 0.5f * f.area;
     }
-    const auto middle = sorted_.begin() + static_cast<std::ptrdiff_t>(sorted_.size() / 2);
-    std::nth_element(sorted_.begin(), middle, sorted_.end());
-    return std::max(2.0f, 4 * *middle);
+    // The median by area: people close by may have most of the corners.
+    std::sort(sorted_.begin(), sorted_.end());
+    std::size_t middle = 0;
+    while (middle + 1 < sorted_.size() && (half -= sorted_[middle].second) > 0) ++middle;
+    return std::max(2.0f, 4 * sorted_[middle].first);
   }
 
   Eigen::Vector2f error_px(const Flow& f, const Eigen::Vector3f& q) const {
@@ -434,7 +438,7 @@ class CameraMotion {
   double usual_support_ = 1;
   std::vector<Flow> flows_;
   std::vector<Eigen::Vector2f> errors_, other_errors_;
-  std::vector<float> sorted_;
+  std::vector<std::pair<float, float>> sorted_;  // error and area
   std::vector<Dissent> dissents_;
 };
 
