@@ -110,7 +110,7 @@ class CameraMotion {
 
   /// The corners that dissent from two motions (the same one twice, where there is one): off by
   /// over two pixels and four times the median by area, with at least two others within 0.3 m that
-  /// move alike, and more than do not. O(corners squared).
+  /// dissent alike, and more than do not. O(corners squared).
   const std::vector<Dissent>& dissents(const Eigen::Isometry3d& T_current_last,
                                        const Eigen::Isometry3d& another) {
     dissents_.clear();
@@ -122,10 +122,14 @@ class CameraMotion {
       const float size = errors_[i].norm();
       if (size < limit || other_errors_[i].norm() < limit_another || !flows_[i].whole) continue;
       int with = 0, against = 0;
-      for (std::size_t j = 0; j < flows_.size(); ++j)
-        if ((flows_[i].from - flows_[j].from).squaredNorm() < 0.3f * 0.3f)
-          ++((errors_[i] - errors_[j]).norm() < 0.5f * size ? with : against);
-      if (with >= 3 && with > against)
+      for (std::size_t j = 0; j < flows_.size(); ++j) {
+        if ((flows_[i].from - flows_[j].from).squaredNorm() > 0.3f * 0.3f) continue;
+        if ((errors_[i] - errors_[j]).norm() > 0.5f * size)
+          ++against;
+        else if (errors_[j].norm() >= limit && !same_patch(flows_[i], flows_[j]))
+          ++with;
+      }
+      if (with >= 2 && with > against)
         dissents_.push_back({flows_[i].u, flows_[i].v, flows_[i].depth_m});
     }
     return dissents_;
@@ -151,9 +155,11 @@ class CameraMotion {
     float depth_m, score;
   };
 
-  // A corner in space before, where it is seen now (u, v in whole pixels; its depth or 0).
+  // A corner in space and in half pixels before, where it is seen now (u, v in whole pixels; its
+  // depth or 0).
   struct Flow {
     Eigen::Vector3f from;
+    int x, y;
     float u, v, depth_m, area;
     bool whole;  // no edge of depth in all of the patch
   };
@@ -265,6 +271,7 @@ class CameraMotion {
     const float u0 = 2.0f * static_cast<float>(c.x) + 0.5f;
     const float v0 = 2.0f * static_cast<float>(c.y) + 0.5f;
     Flow f;
+    f.x = c.x, f.y = c.y;
     f.from = {(u0 - last_.cx) / last_.fx * c.depth_m, (v0 - last_.cy) / last_.fy * c.depth_m,
               c.depth_m};
     const Eigen::Vector3f q = (guess * f.from.cast<double>()).cast<float>();
@@ -281,6 +288,10 @@ class CameraMotion {
     f.whole = f.depth_m > 0;
     if (!f.whole) f.depth_m = whole_depth(depth, u, v, kNearPx);
     flows_.push_back(f);
+  }
+
+  static bool same_patch(const Flow& a, const Flow& b) {
+    return std::abs(a.x - b.x) <= kRadius && std::abs(a.y - b.y) <= kRadius;
   }
 
   // A template of Lucas and Kanade, row by row. Sums are kept per column until the end.

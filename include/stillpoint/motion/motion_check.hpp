@@ -134,7 +134,7 @@ class MotionCheck {
       const Eigen::Isometry3d step = host_pose_->inverse() * T_world_camera;
       if (is_cut(step)) {
         reset();  // the host relocalised or closed a loop
-      } else if (host_agreed_ = trusts(step.inverse()); host_agreed_) {
+      } else if (trusts(step.inverse())) {
         T_world_camera_ = last_pose_ * step;
         normalize(T_world_camera_);
         memory_.set_newest_pose(T_world_camera_);
@@ -217,7 +217,7 @@ class MotionCheck {
     const float per_cell = 1.0f / static_cast<float>(settings_.block_px);
     const Eigen::Isometry3d& seen = seen_motion_->T_current_last;
     for (const CameraMotion::Dissent& d :
-         camera_motion_.dissents(seen, host && host_agreed_ ? *host : seen)) {
+         camera_motion_.dissents(seen, host && trusts(*host) ? *host : seen)) {
       const int reach = static_cast<int>(kDissentReachM * current_.fx / d.depth_m);
       const int cx = static_cast<int>(d.u * per_cell), cy = static_cast<int>(d.v * per_cell);
       for (int y = std::max(0, cy - reach); y <= std::min(current_.height - 1, cy + reach); ++y)
@@ -311,7 +311,7 @@ class MotionCheck {
   Eigen::Isometry3d last_pose_ = Eigen::Isometry3d::Identity();  // at the host's last pose
   std::optional<Eigen::Isometry3d> host_pose_;
   double last_s_ = -1e300;
-  bool judged_ = false, host_agreed_ = false;
+  bool judged_ = false;
   std::vector<State> state_;
   std::vector<Visit> queue_;
   std::vector<std::uint8_t> dynamic_;
