@@ -49,6 +49,21 @@ TEST(FloorPlane, IsFoundAmongFurniture) {
     expect_floor(find_floor(room(1.2f, 0.3f, 0.4f, seed), InversePlane(), seed), 1.2f, 0.3f);
 }
 
+TEST(FloorPlane, IsNotATableThatCoversMoreOfThePicture) {
+  const float height_m = 1.2f, table_m = 0.5f, pitch = 0.3f;
+  std::vector<InverseSample> samples = room(height_m, pitch, 0, 1);
+  int of_floor = 0, of_table = 0;
+  for (InverseSample& s : samples) {
+    const float table = (std::cos(pitch) * s.y + std::sin(pitch)) / table_m;
+    if (std::abs(s.x) < 0.4f && table > 1 / 2.2f)
+      s.inverse = table, ++of_table;
+    else
+      of_floor += s.inverse > 0.21f;
+  }
+  ASSERT_GT(of_table, of_floor);
+  expect_floor(find_floor(samples, InversePlane(), 1), height_m, pitch);
+}
+
 TEST(FloorPlane, IsNotSeenWhereThereIsNone) {
   // A wall; a ceiling; noise.
   EXPECT_FALSE(find_floor(room(100, 0, 0, 1), InversePlane(), 1).found);

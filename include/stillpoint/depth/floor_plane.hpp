@@ -27,8 +27,9 @@ struct InverseSample {
   float x, y, inverse;
 };
 
-/// Finds the floor among samples by RANSAC: the plane with most samples among those that face the
-/// camera from below (camera upright within about 50 degrees, 0.2 to 3 m above the floor). `last`,
+/// Finds the floor among samples by RANSAC: the plane with most samples, less those below it, among
+/// those that face the camera from below (camera upright within about 50 degrees, 0.2 to 3 m above
+/// the floor). So a table is no floor: the floor is seen below it. `last`,
 /// the floor of the last frame, is the first candidate. Deterministic for a seed. Cost: `trials`
 /// times samples.
 inline InversePlane find_floor(const std::vector<InverseSample>& samples, const InversePlane& last,
@@ -44,8 +45,12 @@ inline InversePlane find_floor(const std::vector<InverseSample>& samples, const 
     // norm is one over the camera's height, b / norm the cosine between normal and image "down".
     if (!(norm > 1 / 3.0f && norm < 1 / 0.2f && plane.b > 0.64f * norm)) return;
     int count = 0;
-    for (const InverseSample& s : samples)
-      count += std::abs(plane.a * s.x + plane.b * s.y + plane.c - s.inverse) < tolerance(s.inverse);
+    for (const InverseSample& s : samples) {
+      // How much nearer the plane is than what is seen; nothing is seen below a floor.
+      const float nearer = plane.a * s.x + plane.b * s.y + plane.c - s.inverse;
+      const float limit = tolerance(s.inverse);
+      count += (std::abs(nearer) < limit) - (nearer > 3 * limit);
+    }
     if (count > best_count) best = plane, best_count = count, best.found = true;
   };
   if (last.found) consider(last);

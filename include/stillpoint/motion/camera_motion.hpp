@@ -109,8 +109,8 @@ class CameraMotion {
   };
 
   /// The corners that dissent from two motions (the same one twice, where there is one): off by
-  /// over two pixels and four times the median by area, with at least two others within 0.3 m that
-  /// dissent alike, and more than do not. O(corners squared).
+  /// over two pixels, four times the median by area and what blur does, with at least two others
+  /// within 0.3 m that dissent alike, and more than do not. O(corners squared).
   const std::vector<Dissent>& dissents(const Eigen::Isometry3d& T_current_last,
                                        const Eigen::Isometry3d& another) {
     dissents_.clear();
@@ -120,7 +120,9 @@ class CameraMotion {
     const float limit = measure_errors(T_current_last);
     for (std::size_t i = 0; i < flows_.size(); ++i) {
       const float size = errors_[i].norm();
-      if (size < limit || other_errors_[i].norm() < limit_another || !flows_[i].whole) continue;
+      if (size < std::max(limit, kBlurError * length_px(flows_[i])) ||
+          other_errors_[i].norm() < limit_another || !flows_[i].whole)
+        continue;
       int with = 0, against = 0;
       for (std::size_t j = 0; j < flows_.size(); ++j) {
         if ((flows_[i].from - flows_[j].from).squaredNorm() > 0.3f * 0.3f) continue;
@@ -142,6 +144,7 @@ class CameraMotion {
   static constexpr std::size_t kMinFlows = 20;
   static constexpr int kHypotheses = 100;
   static constexpr float kMaxErrorPx = 0.8f;  // of the whole picture's
+  static constexpr float kBlurError = 0.15f;  // of a corner's way: what is blurred is followed ill
   static constexpr double kTinyStep = 1e-5;
   static constexpr double kMinSupport = 0.3, kPromising = 0.5, kUsual = 0.95;
   static constexpr int kNearPx = 8, kFarPx = 16;  // the patch on the half and the quarter picture
@@ -288,6 +291,12 @@ class CameraMotion {
     f.whole = f.depth_m > 0;
     if (!f.whole) f.depth_m = whole_depth(depth, u, v, kNearPx);
     flows_.push_back(f);
+  }
+
+  // How far it went in the picture.
+  static float length_px(const Flow& f) {
+    const float du = f.u - 2 * static_cast<float>(f.x), dv = f.v - 2 * static_cast<float>(f.y);
+    return std::sqrt(du * du + dv * dv);
   }
 
   static bool same_patch(const Flow& a, const Flow& b) {

@@ -114,7 +114,7 @@ class MotionCheck {
     current_.set(view_, settings_.block_px);
     judged_ = true;
     memory_.judge(frame.timestamp, T_world_camera_, current_, evidence_);
-    if (seen_motion_ && seen_motion_->support > 0.6) hear_dissents(T_current_last);
+    if (seen_motion_ && seen_motion_->support > 0.5) hear_dissents(T_current_last);
     grow();
     return found_;
   }
