@@ -186,9 +186,18 @@ class RegionCells {
       border_.resize(std::max(border_.size(), static_cast<std::size_t>(used_.width)));
       mark_border(s, s - stride_, s + stride_, static_cast<std::size_t>(used_.width),
                   border_.data());
-      for (int x = 0; x < used_.width; ++x)
-        if (border_[static_cast<std::size_t>(x)]) queue_.push_back({used_.x + x, y, 0});
+      visit_marked([&](int x) { queue_.push_back({used_.x + x, y, 0}); });
     }
+  }
+
+  // Calls `visit(x)` for the cells of a row of used_ that border_ marks.
+  template <class Visitor>
+  void visit_marked(Visitor&& visit) {
+    const std::size_t n = static_cast<std::size_t>(used_.width);
+    detail::refill(bits_[0], detail::words_for(n), std::uint64_t{0});
+    detail::or_bytes(border_.data(), n, 0, bits_[0].data());
+    for (std::size_t k = 0; k < bits_[0].size(); ++k)
+      detail::for_each_bit(bits_[0][k], [&](int i) { visit(64 * static_cast<int>(k) + i); });
   }
 
   // Parts of the mask at other depths are the object's, too (an arm stretched out, a second person
@@ -204,17 +213,28 @@ class RegionCells {
     const std::size_t least = std::max<std::size_t>(6, on_mask / 25);
     if (on_mask < core + least) return;
     queue_.clear();
-    for (int y = used_.y; y < used_.y + used_.height; ++y)
-      for (int x = used_.x; x < used_.x + used_.width; ++x) {
-        if (state_[index(x, y)] != kUnknown || !sample_at(sample, x, y)) continue;
+    if (border_.size() < width) border_.resize(width);
+    for (int y = used_.y; y < used_.y + used_.height; ++y) {
+      mark_unknown(sample + static_cast<std::size_t>(y - used_.y) * width,
+                   state_.data() + index(used_.x, y), width, border_.data());
+      visit_marked([&](int in_row) {
+        const int x = used_.x + in_row;
+        if (state_[index(x, y)] != kUnknown) return;  // in a part found since
         const std::size_t begin = queue_.size();
         if (!collect_part(depth, samples, floor, sample, x, y) || queue_.size() - begin < least)
-          continue;
+          return;
         for (std::size_t k = begin; k < queue_.size(); ++k)
           state_[index(queue_[k].x, queue_[k].y)] = kRegion;
-      }
+      });
+    }
     for (const Visit& v : queue_)
       if (state_[index(v.x, v.y)] == kPart) state_[index(v.x, v.y)] = kUnknown;
+  }
+
+  static void mark_unknown(const std::uint16_t* STILLPOINT_RESTRICT sample,
+                           const std::uint8_t* STILLPOINT_RESTRICT state, std::size_t n,
+                           std::uint8_t* STILLPOINT_RESTRICT marked) {
+    for (std::size_t x = 0; x < n; ++x) marked[x] = (sample[x] != 0) & (state[x] == kUnknown);
   }
 
   static void count_row(const std::uint16_t* STILLPOINT_RESTRICT sample,
@@ -282,11 +302,13 @@ class RegionCells {
     for (std::size_t k = 0; k < queue_.size(); ++k) {
       const Visit visit = queue_[k];
       if (visit.distance >= reach) continue;
-      const float z = z_[index(visit.x, visit.y)];
-      const float step = std::max(0.03f, 0.02f * z);
-      for (const auto& next : kNext) {
-        const int x = visit.x + next[0], y = visit.y + next[1];
-        const std::size_t j = index(x, y);
+      const std::size_t i = index(visit.x, visit.y);
+      const float z = z_[i], step = std::max(0.03f, 0.02f * z);
+      const std::size_t beside[4] = {i - 1, i + 1, i - stride_, i + stride_};
+      for (int n = 0; n < 4; ++n) {
+        const std::size_t j = beside[n];
+        if (state_[j] == kRegion || state_[j] == kOutside) continue;
+        const int x = visit.x + kNext[n][0], y = visit.y + kNext[n][1];
         if (state_[j] == kUnknown) {
           const cv::Point p = place(samples, depth, x, y);
           z_[j] = depth.to_m(depth.row(p.y)[p.x]);
