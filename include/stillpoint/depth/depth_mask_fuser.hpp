@@ -63,7 +63,7 @@ class DepthMaskFuser {
     status_ = frame.depth.empty() ? kNoDepth : kOk;
     if (has_depth) {
       depth_.set(frame, camera_);
-      if (!any_measured(depth_)) status_ = kNoDepth;
+      if (!depth_.any_measured()) status_ = kNoDepth;
       region_.begin_frame(depth_, segmentation.instances);
     }
     fused_.resize(n);
@@ -95,18 +95,6 @@ class DepthMaskFuser {
   std::uint32_t status() const { return status_; }
 
  private:
-  // One pixel of each line of memory first: read in order, the picture is at hand several times
-  // sooner than here and there. O(pixels / 32) unless the picture is black.
-  static bool any_measured(const DepthView& depth) {
-    const std::size_t w = static_cast<std::size_t>(depth.size().width);
-    unsigned any = 0;
-    for (int y = 0; y < depth.size().height; ++y)
-      for (std::size_t x = 0; x < w; x += 32) any |= depth.row(y)[x];
-    for (int y = 0; any == 0 && y < depth.size().height; ++y)
-      for (std::size_t x = 0; x < w; ++x) any |= depth.row(y)[x];
-    return any != 0;
-  }
-
   // Writes the union of the instances, all of which lie in `region`, and its dilation as bytes.
   void write(const cv::Rect& region, int dilation_px) {
     const cv::Size size = union_.size();

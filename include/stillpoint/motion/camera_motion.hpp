@@ -16,6 +16,7 @@
 #include <utility>
 #include <vector>
 
+#include "stillpoint/core/config.hpp"
 #include "stillpoint/core/depth_view.hpp"
 #include "stillpoint/core/frame.hpp"
 #include "stillpoint/core/random.hpp"
@@ -168,6 +169,7 @@ class CameraMotion {
     cv::Mat gray, half, quarter, score;
     cv::Mat fine_half, fine_quarter;  // CV_32FC1: read many times
     std::vector<Corner> corners;
+    std::vector<float> highest;  // score of the columns of a row of blocks
     float fx = 1, fy = 1, cx = 0, cy = 0;
     bool empty = true;
 
@@ -187,17 +189,21 @@ class CameraMotion {
       quarter.convertTo(fine_quarter, CV_32F);
       cv::cornerMinEigenVal(quarter, score, 3);
       fx = view.focal_px(), fy = view.focal_y_px(), cx = view.center_x(), cy = view.center_y();
-      for (int y0 = kRim; y0 + kBlock + kRim <= quarter.rows; y0 += kBlock)
+      for (int y0 = kRim; y0 + kBlock + kRim <= quarter.rows; y0 += kBlock) {
+        highest.resize(static_cast<std::size_t>(quarter.cols));
+        std::copy_n(score.ptr<float>(y0), quarter.cols, highest.begin());
+        for (int y = y0 + 1; y < y0 + kBlock; ++y)
+          raise(score.ptr<float>(y), static_cast<std::size_t>(quarter.cols), highest.data());
         for (int x0 = kRim; x0 + kBlock + kRim <= quarter.cols; x0 += kBlock) {
-          Corner best{0, 0, 0, 2e-4f};
-          for (int y = y0; y < y0 + kBlock; ++y)
-            for (int x = x0; x < x0 + kBlock; ++x)
-              if (score.at<float>(y, x) > best.score)
-                best = {2 * x, 2 * y, 0, score.at<float>(y, x)};
-          if (best.x == 0) continue;
+          const float* column = highest.data() + x0;
+          float most = column[0];
+          for (int x = 1; x < kBlock; ++x) most = std::max(most, column[x]);
+          if (!(most > kMinScore)) continue;
+          Corner best = first_of_block(x0, y0, most);
           best.depth_m = whole_depth(view, 2 * best.x, 2 * best.y, kNearPx);
           if (best.depth_m > 0) corners.push_back(best);
         }
+      }
       if (corners.size() > kMaxCorners) {
         std::nth_element(
             corners.begin(), corners.begin() + kMaxCorners, corners.end(),
@@ -207,24 +213,46 @@ class CameraMotion {
         corners.resize(kMaxCorners);
       }
     }
+
+    // Where a block of `score` reaches its highest value first.
+    Corner first_of_block(int x0, int y0, float most) const {
+      for (int y = y0; y < y0 + kBlock; ++y) {
+        const float* row = score.ptr<float>(y);
+        for (int x = x0; x < x0 + kBlock; ++x)
+          if (row[x] == most) return {2 * x, 2 * y, 0, most};
+      }
+      return {0, 0, 0, 0};
+    }
+
+    static void raise(const float* STILLPOINT_RESTRICT by, std::size_t n,
+                      float* STILLPOINT_RESTRICT highest) {
+      for (std::size_t x = 0; x < n; ++x) highest[x] = by[x] > highest[x] ? by[x] : highest[x];
+    }
   };
   static constexpr std::size_t kMaxCorners = 250;
+  static constexpr float kMinScore = 2e-4f;
 
   // Depth around a pixel; 0 where it is not measured or torn by an edge.
   static float whole_depth(const DepthView& view, int u, int v, int reach) {
     if (u < reach || v < reach || u + reach >= view.size().width || v + reach >= view.size().height)
       return 0;
-    int lo = 65536, hi = 0, sum = 0, n = 0;
-    for (int y = v - reach; y <= v + reach; y += 4)
-      for (int x = u - reach; x <= u + reach; x += 4) {
-        const int z = view.row(y)[x];
-        if (z == 0) continue;
-        lo = std::min(lo, z), hi = std::max(hi, z);
-        if (std::abs(x - u) <= 4 && std::abs(y - v) <= 4) sum += z, ++n;
+    std::uint16_t lo = 65535, hi = 0;  // lo: one less, so that 0, no measurement, is the highest
+    for (int y = v - reach; y <= v + reach; y += 4) {
+      const std::uint16_t* row = view.row(y) + u;
+      for (int x = -reach; x <= reach; x += 4) {
+        lo = std::min(lo, static_cast<std::uint16_t>(row[x] - 1));
+        hi = std::max(hi, row[x]);
+      }
+    }
+    int sum = 0, n = 0;
+    for (int y = v - 4; y <= v + 4; y += 4)
+      for (int x = u - 4; x <= u + 4; x += 4) {
+        const std::uint16_t z = view.row(y)[x];
+        sum += z, n += z != 0;
       }
     if (n < 5) return 0;
-    const float near = view.to_m(static_cast<std::uint16_t>(lo));
-    const float far = view.to_m(static_cast<std::uint16_t>(hi));
+    const float near = view.to_m(static_cast<std::uint16_t>(lo + 1));
+    const float far = view.to_m(hi);
     return far - near < 0.05f + 0.07f * near
                ? static_cast<float>(sum) / static_cast<float>(n) * view.metres_per_unit_value()
                : 0;
@@ -416,13 +444,17 @@ class CameraMotion {
     const Eigen::Vector2d e(fx * x + current_.cx - f.u, fy * y + current_.cy - f.v);
     const double share = e.squaredNorm() / (max_error_px * max_error_px);
     if (share >= 1) return;
-    Eigen::Matrix<double, 2, 6> J;
-    J << fx / z, 0, -fx * x / z, -fx * x * y, fx * (1 + x * x), -fx * y,  //
-        0, fy / z, -fy * y / z, -fy * (1 + y * y), fy * x * y, fy * x;
+    // The Jacobian's rows; the first has no second entry and the second no first.
+    const double ju[6] = {fx / z, 0, -fx * x / z, -fx * x * y, fx * (1 + x * x), -fx * y};
+    const double jv[6] = {0, fy / z, -fy * y / z, -fy * (1 + y * y), fy * x * y, fy * x};
     const double weight = f.area * (1 - share) * (1 - share);
-    for (int i = 0; i < 6; ++i) {
-      const double a = weight * J(0, i), b = weight * J(1, i);
-      for (int j = 0; j <= i; ++j) normal.H(i, j) += a * J(0, j) + b * J(1, j);
+    const double a0 = weight * ju[0], b1 = weight * jv[1];
+    normal.H(0, 0) += a0 * ju[0], normal.g(0) += a0 * e.x();
+    normal.H(1, 1) += b1 * jv[1], normal.g(1) += b1 * e.y();
+    for (int i = 2; i < 6; ++i) {
+      const double a = weight * ju[i], b = weight * jv[i];
+      normal.H(i, 0) += a * ju[0], normal.H(i, 1) += b * jv[1];
+      for (int j = 2; j <= i; ++j) normal.H(i, j) += a * ju[j] + b * jv[j];
       normal.g(i) += a * e.x() + b * e.y();
     }
     ++normal.count;
