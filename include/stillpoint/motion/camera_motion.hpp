@@ -49,6 +49,7 @@ class CameraMotion {
   /// Takes the next frame, without looking for the motion to it. O(pixels).
   void begin(const RgbdFrame& frame, const DepthView& depth) {
     flows_.clear();
+    blocks_.clear();
     current_.set(frame, depth);
   }
 
@@ -63,6 +64,7 @@ class CameraMotion {
     if (last_.empty || current_.empty || last_.size() != current_.size()) return;
     for (const Corner& c : last_.corners)
       if (!dynamic(2 * c.x, 2 * c.y)) follow(c, depth, guess);
+    fill_blocks();
   }
 
   /// Estimates the motion between the last two frames; `guess` is one of the motions that are
@@ -93,14 +95,17 @@ class CameraMotion {
 
   /// Share of the followed area that agrees with a motion.
   double support(const Eigen::Isometry3d& T_current_last) const {
-    const Eigen::Matrix3f R = T_current_last.linear().cast<float>();
-    const Eigen::Vector3f t = T_current_last.translation().cast<float>();
-    double agree = 0, all = 0;
-    for (const Flow& f : flows_) {
-      all += f.area;
-      agree += f.area * agreement(f, R * f.from + t);
+    const Mover move(T_current_last);
+    Lanes agree = Lanes::Zero(), all = Lanes::Zero();
+    for (const Block& b : blocks_) {
+      const View seen = look(b, move, kMaxErrorPx);
+      // 0 where a depth that is known speaks against it.
+      const Lanes excess = (b.depth - seen.z).abs() - (0.03f + 0.012f * seen.z * seen.z);
+      agree += b.area * seen.nearness * (1 - (excess * b.has_depth * kHuge).max(0.0f)).max(0.0f);
+      all += b.area;
     }
-    return all > 0 ? agree / all : 0;
+    const double total = sum(all);
+    return total > 0 ? sum(agree) / total : 0;
   }
 
   /// A corner that moves otherwise than the camera says, with others around it that do so too.
@@ -143,6 +148,8 @@ class CameraMotion {
   static constexpr std::size_t kMinFlows = 20;
   static constexpr int kHypotheses = 100;
   static constexpr float kMaxErrorPx = 0.8f;  // of the whole picture's
+  static constexpr float kLeastDepth = 0.2f;  // metres, before the camera
+  static constexpr float kHuge = 1e30f;       // makes 1 of what is not 0
   static constexpr double kTinyStep = 1e-5;
   static constexpr double kMinSupport = 0.3, kPromising = 0.5, kUsual = 0.95;
   static constexpr int kNearPx = 8, kFarPx = 16;  // the patch on the half and the quarter picture
@@ -283,15 +290,60 @@ class CameraMotion {
             current_.fy * q.y() / q.z() + current_.cy - f.v};
   }
 
-  // 1 where the corner is seen just there, 0 beyond the greatest error.
-  float agreement(const Flow& f, const Eigen::Vector3f& q) const {
-    if (q.z() < 0.2f) return 0;
-    const float du = current_.fx * q.x() / q.z() + current_.cx - f.u;
-    const float dv = current_.fy * q.y() / q.z() + current_.cy - f.v;
-    const float share = (du * du + dv * dv) / (kMaxErrorPx * kMaxErrorPx);
-    if (!(share < 1)) return 0;
-    if (f.depth_m > 0 && std::abs(f.depth_m - q.z()) > 0.03f + 0.012f * q.z() * q.z()) return 0;
-    return 1 - share;
+  // Four flows side by side, as vector instructions take them; lanes without one have no area.
+  using Lanes = Eigen::Array<float, 4, 1>;
+  struct Block {
+    Lanes x, y, z;  // in space before
+    Lanes u, v, depth, has_depth, area;
+  };
+
+  void fill_blocks() {
+    for (std::size_t i = 0; i < flows_.size(); ++i) {
+      const Eigen::Index k = static_cast<Eigen::Index>(i % 4);
+      if (k == 0) {
+        blocks_.emplace_back();
+        Block& b = blocks_.back();
+        for (Lanes* lanes : {&b.x, &b.y, &b.u, &b.v, &b.depth, &b.has_depth, &b.area})
+          lanes->setZero();
+        b.z.setOnes();
+      }
+      Block& b = blocks_.back();
+      const Flow& f = flows_[i];
+      b.x[k] = f.from.x(), b.y[k] = f.from.y(), b.z[k] = f.from.z();
+      b.u[k] = f.u, b.v[k] = f.v, b.depth[k] = f.depth_m, b.area[k] = f.area;
+      b.has_depth[k] = f.depth_m > 0 ? 1.0f : 0.0f;
+    }
+  }
+
+  struct Mover {
+    Eigen::Matrix3f R;
+    Eigen::Vector3f t;
+    explicit Mover(const Eigen::Isometry3d& T)
+        : R(T.linear().cast<float>()), t(T.translation().cast<float>()) {}
+  };
+
+  // How a motion explains a block: place in space over z, z, the errors in pixels, and 1 where the
+  // corner is seen just there, falling to 0 at the greatest error.
+  struct View {
+    Lanes x, y, z, eu, ev, nearness;
+  };
+  View look(const Block& b, const Mover& m, float max_error_px) const {
+    View s;
+    // What came too close is nowhere near its corner.
+    s.z = (m.R(2, 0) * b.x + m.R(2, 1) * b.y + m.R(2, 2) * b.z + m.t[2]).max(kLeastDepth);
+    const Lanes inverse = 1 / s.z;
+    s.x = (m.R(0, 0) * b.x + m.R(0, 1) * b.y + m.R(0, 2) * b.z + m.t[0]) * inverse;
+    s.y = (m.R(1, 0) * b.x + m.R(1, 1) * b.y + m.R(1, 2) * b.z + m.t[1]) * inverse;
+    s.eu = current_.fx * s.x + current_.cx - b.u;
+    s.ev = current_.fy * s.y + current_.cy - b.v;
+    const float per_square = 1 / (max_error_px * max_error_px);
+    s.nearness = (1 - (s.eu * s.eu + s.ev * s.ev) * per_square).max(0.0f);
+    return s;
+  }
+
+  // The same in every build, whatever its vectors.
+  static double sum(const Lanes& v) {
+    return (static_cast<double>(v[0]) + v[1]) + (static_cast<double>(v[2]) + v[3]);
   }
 
   void follow(const Corner& c, const DepthView& depth, const Eigen::Isometry3d& guess) {
@@ -411,7 +463,7 @@ class CameraMotion {
     for (const Flow*& f : three) f = &flows_[random.below(flows_.size())];
     for (int i = 0; i < 3; ++i) {
       Normal normal;
-      for (const Flow* f : three) add_to(normal, *f, T, 1e9f);
+      for (const Flow* f : three) add_to(normal, *f, T);
       if (normal.count < 3 || !step(normal, T)) return std::nullopt;
     }
     return T;
@@ -421,7 +473,7 @@ class CameraMotion {
   double improve(Eigen::Isometry3d& T, int steps = 2) const {
     for (int i = 0; i < steps; ++i) {
       Normal normal;
-      for (const Flow& f : flows_) add_to(normal, f, T, kMaxErrorPx);
+      add_agreeing(normal, T);
       if (normal.count < kMinFlows / 2) return 0;
       const std::optional<double> size = step(normal, T);
       if (!size) return 0;
@@ -436,18 +488,52 @@ class CameraMotion {
     std::size_t count = 0;
   };
 
-  void add_to(Normal& normal, const Flow& f, const Eigen::Isometry3d& T, float max_error_px) const {
+  // All flows within the greatest error of a motion, the nearer the more.
+  void add_agreeing(Normal& normal, const Eigen::Isometry3d& T) const {
+    const Mover move(T);
+    const float fx = current_.fx, fy = current_.fy;
+    std::array<std::array<Lanes, 6>, 6> H;
+    std::array<Lanes, 6> g;
+    for (auto& row : H) row.fill(Lanes::Zero());
+    g.fill(Lanes::Zero());
+    Lanes count = Lanes::Zero();
+    for (const Block& b : blocks_) {
+      const View s = look(b, move, kMaxErrorPx);
+      const Lanes weight = b.area * s.nearness * s.nearness, inverse = 1 / s.z;
+      count += (weight * kHuge).min(1.0f);
+      // Rows of the Jacobian; the first has no second entry and the second no first.
+      const std::array<Lanes, 6> ju = {fx * inverse,    Lanes::Zero(),        -fx * inverse * s.x,
+                                       -fx * s.x * s.y, fx * (1 + s.x * s.x), -fx * s.y};
+      const std::array<Lanes, 6> jv = {Lanes::Zero(),         fy * inverse,   -fy * inverse * s.y,
+                                       -fy * (1 + s.y * s.y), fy * s.x * s.y, fy * s.x};
+      const Lanes a0 = weight * ju[0], b1 = weight * jv[1];
+      H[0][0] += a0 * ju[0], H[1][1] += b1 * jv[1];
+      g[0] += a0 * s.eu, g[1] += b1 * s.ev;
+      for (std::size_t i = 2; i < 6; ++i) {
+        const Lanes a = weight * ju[i], c = weight * jv[i];
+        H[i][0] += a * ju[0], H[i][1] += c * jv[1];
+        for (std::size_t j = 2; j <= i; ++j) H[i][j] += a * ju[j] + c * jv[j];
+        g[i] += a * s.eu + c * s.ev;
+      }
+    }
+    for (int i = 0; i < 6; ++i) {
+      const std::size_t row = static_cast<std::size_t>(i);
+      for (int j = 0; j <= i; ++j) normal.H(i, j) = sum(H[row][static_cast<std::size_t>(j)]);
+      normal.g(i) = sum(g[row]);
+    }
+    normal.count = static_cast<std::size_t>(sum(count) + 0.5);
+  }
+
+  // One flow, however far off.
+  void add_to(Normal& normal, const Flow& f, const Eigen::Isometry3d& T) const {
     const Eigen::Vector3d q = T * f.from.cast<double>();
     if (q.z() < 0.2) return;
     const double z = q.z(), x = q.x() / z, y = q.y() / z;
     const double fx = current_.fx, fy = current_.fy;
     const Eigen::Vector2d e(fx * x + current_.cx - f.u, fy * y + current_.cy - f.v);
-    const double share = e.squaredNorm() / (max_error_px * max_error_px);
-    if (share >= 1) return;
-    // The Jacobian's rows; the first has no second entry and the second no first.
     const double ju[6] = {fx / z, 0, -fx * x / z, -fx * x * y, fx * (1 + x * x), -fx * y};
     const double jv[6] = {0, fy / z, -fy * y / z, -fy * (1 + y * y), fy * x * y, fy * x};
-    const double weight = f.area * (1 - share) * (1 - share);
+    const double weight = f.area;
     const double a0 = weight * ju[0], b1 = weight * jv[1];
     normal.H(0, 0) += a0 * ju[0], normal.g(0) += a0 * e.x();
     normal.H(1, 1) += b1 * jv[1], normal.g(1) += b1 * e.y();
@@ -480,6 +566,7 @@ class CameraMotion {
   Eigen::Isometry3d last_motion_ = Eigen::Isometry3d::Identity();
   double usual_support_ = 1;
   std::vector<Flow> flows_;
+  std::vector<Block> blocks_;  // the same, four side by side
   std::vector<Eigen::Vector2f> errors_, other_errors_;
   std::vector<std::pair<float, float>> sorted_;  // error and area
   std::vector<Dissent> dissents_;
