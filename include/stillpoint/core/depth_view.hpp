@@ -47,6 +47,23 @@ class DepthView {
   void clear() { image_ = cv::Mat(); }
   bool empty() const { return image_.empty(); }
 
+  /// Whether any pixel is measured. Looks at one of each line of memory first: read once in order,
+  /// the picture is at hand for reads here and there, each of which would have to wait for it.
+  /// O(pixels / 32) unless it is black.
+  bool any_measured() const {
+    const int width = image_.cols;
+    unsigned any = 0;
+    for (int y = 0; y < image_.rows; ++y) {
+      const std::uint16_t* z = row(y);
+      for (int x = 0; x < width; x += 32) any |= z[x];
+    }
+    for (int y = 0; any == 0 && y < image_.rows; ++y) {
+      const std::uint16_t* z = row(y);
+      for (int x = 0; x < width; ++x) any |= z[x];
+    }
+    return any != 0;
+  }
+
   const std::uint16_t* row(int y) const { return image_.ptr<std::uint16_t>(y); }
   /// From a row to the next, in pixels.
   std::size_t stride() const { return image_.step1(); }

@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "stillpoint/core/bit_mask.hpp"
 #include "stillpoint/core/camera.hpp"
 #include "stillpoint/core/depth_view.hpp"
 #include "stillpoint/core/frame.hpp"
@@ -53,27 +54,31 @@ class DepthMaskFuser {
     check_frame(frame);
     const cv::Size size = frame.color.size();
     check_segmentation(segmentation, size);
-    begin(frame);
-    dilation_px_ = settings_.dilation_px + std::max(0, widening_px);
+    mask_.timestamp = frame.timestamp;
+    mask_.age_s = 0;
+    union_.reset(size);
+    const int dilation_px = settings_.dilation_px + std::max(0, widening_px);
     const std::size_t n = segmentation.instances.size();
     const bool has_depth = use_depth && !frame.depth.empty();
     status_ = frame.depth.empty() ? kNoDepth : kOk;
     if (has_depth) {
       depth_.set(frame, camera_);
-      if (!any_measured(depth_)) status_ = kNoDepth;
+      if (!depth_.any_measured()) status_ = kNoDepth;
       region_.begin_frame(depth_, segmentation.instances);
     }
     fused_.resize(n);
     if (buffers_.size() < n) buffers_.resize(n);
+    cv::Rect region;
     for (std::size_t i = 0; i < n; ++i) {
-      if (has_depth)
-        region_.fuse(depth_, segmentation.instances[i], buffers_[i], fused_[i]);
-      else
+      if (has_depth) {
+        region_.fuse(depth_, segmentation.instances[i], buffers_[i], fused_[i], union_);
+      } else {
         fused_[i] = segmentation.instances[i];
-      unite(fused_[i]);
-      regions_.push_back(fused_[i].box);
+        union_.add(fused_[i].mask, fused_[i].box);
+      }
+      region |= fused_[i].box;
     }
-    dilate_rects(undilated_, regions_, dilation_px_, mask_.image, dilation_buffer_);
+    write(region, dilation_px);
     return mask_;
   }
 
@@ -82,60 +87,53 @@ class DepthMaskFuser {
   /// The instances of the last fuse() with their new masks (before dilation), in the order given.
   /// Their masks are overwritten by the next fuse().
   const std::vector<Instance>& instances() const { return fused_; }
-  /// Share of the picture that the dilated mask of the last fuse() covers. O(pixels of the
-  /// regions).
+  /// Share of the picture that the dilated mask of the last fuse() covers.
   double mask_share() const {
-    cv::Rect all;
-    for (const cv::Rect& r : regions_) all |= r;
-    if (all.empty()) return 0;
-    all = grow_rect(all, dilation_px_, mask_.image.size());
-    return cv::countNonZero(mask_.image(all)) / static_cast<double>(mask_.image.total());
+    return mask_.image.empty() ? 0 : covered_px_ / static_cast<double>(mask_.image.total());
   }
   /// kNoDepth or kOk, of the last fuse().
   std::uint32_t status() const { return status_; }
 
  private:
-  void begin(const RgbdFrame& frame) {
-    const cv::Size size = frame.color.size();
+  // Writes the union of the instances, all of which lie in `region`, and its dilation as bytes.
+  void write(const cv::Rect& region, int dilation_px) {
+    const cv::Size size = union_.size();
+    const cv::Rect grown = region.empty() ? region : grow_rect(region, dilation_px, size);
     if (undilated_.size() != size) {
       undilated_ = cv::Mat::zeros(size, CV_8UC1);
       mask_.image = cv::Mat::zeros(size, CV_8UC1);
     } else {
-      // Only what the last frame wrote needs to be cleared.
-      for (const cv::Rect& r : regions_) {
-        clear(undilated_, r);
-        clear(mask_.image, grow_rect(r, dilation_px_, size));
-      }
+      clear(undilated_, region_px_, region);
+      clear(mask_.image, grown_px_, grown);
     }
-    regions_.clear();
-    mask_.timestamp = frame.timestamp;
-    mask_.age_s = 0;
-  }
-
-  // O(1) unless the picture is black: ends at the first measurement.
-  static bool any_measured(const DepthView& depth) {
-    for (int y = 0; y < depth.size().height; ++y) {
-      const std::uint16_t* row = depth.row(y);
-      for (int x = 0; x < depth.size().width; ++x)
-        if (row[x] != 0) return true;
-    }
-    return false;
-  }
-
-  static void clear(cv::Mat& image, const cv::Rect& r) {
-    for (int y = r.y; y < r.y + r.height; ++y)
-      std::memset(image.ptr<uchar>(y) + r.x, 0, static_cast<std::size_t>(r.width));
-  }
-
-  void unite(const Instance& instance) {
-    for (int y = 0; y < instance.box.height; ++y) {
-      uchar* out = undilated_.ptr<uchar>(instance.box.y + y) + instance.box.x;
-      if (instance.mask.empty()) {
-        std::memset(out, 255, static_cast<std::size_t>(instance.box.width));
-        continue;
+    region_px_ = region, grown_px_ = grown;
+    for (int y = region.y; y < region.y + region.height; ++y)
+      detail::unpack(union_.row(y), static_cast<std::size_t>(region.x),
+                     static_cast<std::size_t>(region.width), undilated_.ptr<uchar>(y) + region.x);
+    covered_px_ = 0;
+    dilation_.run(union_, region, dilation_px, [&](int y, const std::uint64_t* row) {
+      uchar* to = mask_.image.ptr<uchar>(y);
+      for (int x = dilation_.left(); x < grown.x + grown.width; x += 64, ++row) {
+        const int n = std::min(64, size.width - x);
+        detail::unpack_word(*row, static_cast<std::size_t>(n), to + x);
+        covered_px_ += detail::count_bits(*row);
       }
-      const uchar* in = instance.mask.ptr<uchar>(y);
-      detail::or_into(in, static_cast<std::size_t>(instance.box.width), out);
+    });
+  }
+
+  // Only what the last frame wrote, and this one does not write, needs to be cleared.
+  static void clear(cv::Mat& image, const cv::Rect& written, const cv::Rect& next) {
+    for (int y = written.y; y < written.y + written.height; ++y) {
+      const auto zero = [&](int x0, int x1) {
+        if (x0 < x1) std::memset(image.ptr<uchar>(y) + x0, 0, static_cast<std::size_t>(x1 - x0));
+      };
+      const int end = written.x + written.width;
+      if (y < next.y || y >= next.y + next.height) {
+        zero(written.x, end);
+      } else {
+        zero(written.x, std::min(end, next.x));
+        zero(std::max(written.x, next.x + next.width), end);
+      }
     }
   }
 
@@ -147,9 +145,10 @@ class DepthMaskFuser {
   DynamicMask mask_;
   std::vector<Instance> fused_;
   std::vector<std::vector<uchar>> buffers_;
-  std::vector<cv::Rect> regions_;
-  int dilation_px_ = 0;  // of the last frame
-  DilationBuffer dilation_buffer_;
+  detail::BitMask union_;          // of the instances
+  cv::Rect region_px_, grown_px_;  // what the last frame wrote
+  int covered_px_ = 0;
+  detail::Dilation dilation_;
   std::uint32_t status_ = kOk;
 };
 

@@ -9,7 +9,7 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
-#include "stillpoint/core/byte_rows.hpp"
+#include "stillpoint/core/bit_mask.hpp"
 #include "stillpoint/core/config.hpp"
 #include "stillpoint/core/depth_view.hpp"
 #include "stillpoint/core/instance.hpp"
@@ -54,9 +54,9 @@ class InstanceRegion {
   }
 
   /// Writes the instance's region: `out.box` may cover more than the instance's box, `out.mask` has
-  /// its size and lies in `buffer`, which outlives it.
+  /// its size and lies in `buffer`, which outlives it. ORs it into `all`, of the picture's size.
   void fuse(const DepthView& depth, const Instance& instance, std::vector<uchar>& buffer,
-            Instance& out) {
+            Instance& out, detail::BitMask& all) {
     out.class_name = instance.class_name;
     out.score = instance.score;
     const bool paper = settings_.method == DepthMaskFuserSettings::Method::kPaper;
@@ -74,7 +74,8 @@ class InstanceRegion {
     buffer.resize(std::max(buffer.size(), static_cast<std::size_t>(area_.area())));
     out.mask = cv::Mat(area_.size(), CV_8UC1, buffer.data());
     if (connected) {
-      write_pixels(depth, instance, out.mask);
+      find_pixels(depth, instance);
+      claim_unmeasured_rim(depth, out.mask, all);
       return;
     }
     const bool in_box =
@@ -85,76 +86,127 @@ class InstanceRegion {
     else
       instance.mask.copyTo(out.mask);
     if (in_box) add_box_range(depth, out.mask);
+    all.add(out.mask, area_);
   }
 
  private:
   void add_box_range(const DepthView& depth, cv::Mat& out) {
     const int lo = std::max(1, depth.first_units(range_.lo_m)), hi = depth.last_units(range_.hi_m);
-    for (int y = 0; y < area_.height; ++y) {
-      const std::uint16_t* z = depth.row(area_.y + y) + area_.x;
-      uchar* to = out.ptr<uchar>(y);
-      for (int x = 0; x < area_.width; ++x) to[x] |= z[x] >= lo && z[x] <= hi ? 255 : 0;
+    if (hi < lo) return;
+    for (int y = 0; y < area_.height; ++y)
+      or_in_range(depth.row(area_.y + y) + area_.x, static_cast<std::size_t>(area_.width),
+                  static_cast<std::uint16_t>(lo), static_cast<std::uint16_t>(hi - lo),
+                  out.ptr<uchar>(y));
+  }
+
+  static void or_in_range(const std::uint16_t* STILLPOINT_RESTRICT z, std::size_t n,
+                          std::uint16_t lo, std::uint16_t span, uchar* STILLPOINT_RESTRICT to) {
+    for (std::size_t x = 0; x < n; ++x) {
+      const std::uint16_t offset = static_cast<std::uint16_t>(z[x] - lo);
+      to[x] = static_cast<uchar>(to[x] | (offset <= span ? 255 : 0));
     }
   }
 
-  // Rows are worked on in parts of kRowPart pixels, the last one overlapping the one before.
-  enum class Part : std::uint8_t { kOutside, kMixed, kInside };
-
-  std::size_t part_count() const {
-    const std::size_t w = static_cast<std::size_t>(area_.width);
-    return w <= detail::kRowPart ? 1 : (w + detail::kRowPart - 1) / detail::kRowPart;
-  }
-  std::size_t part_begin(std::size_t part) const {
-    const std::size_t w = static_cast<std::size_t>(area_.width);
-    return w <= detail::kRowPart ? 0 : std::min(part * detail::kRowPart, w - detail::kRowPart);
-  }
+  // Pixels are worked on in parts of a row: loops of a known length become vector instructions.
+  static constexpr int kPart = 16;
 
   // Each cell's pixels in the range of depths around it; what has no depth stays as the segmenter
-  // said, and what the camera did not measure right beside the object is its, too: at outlines it
-  // measures nothing.
-  void write_pixels(const DepthView& depth, const Instance& instance, cv::Mat& out) {
+  // said. Most cells are whole in the object or far from it: only the others are looked at pixel
+  // by pixel.
+  void find_pixels(const DepthView& depth, const Instance& instance) {
     const int cell = settings_.cell_px;
     const cv::Rect used = cells_.used();
-    const std::size_t cells = static_cast<std::size_t>(used.width);
-    const std::size_t columns = cells * static_cast<std::size_t>(cell), parts = part_count();
-    for (auto* v : {&cell_lo_, &cell_span_})
-      if (v->size() < cells) v->resize(cells);
+    // Parts run over the end of a row.
+    const std::size_t columns = static_cast<std::size_t>(used.width * cell + kPart);
     for (auto* v : {&lo_, &span_})
       if (v->size() < columns) v->resize(columns);
-    detail::refill(mask_row_, static_cast<std::size_t>(area_.width), uchar{0});
-    kinds_.resize(parts);
-    detail::refill(unmeasured_, parts * static_cast<std::size_t>(area_.height), std::uint8_t{0});
+    first_word_ = area_.x / 64;
+    words_ = detail::words_for(static_cast<std::size_t>(area_.x + area_.width)) -
+             static_cast<std::size_t>(first_word_);
+    detail::refill(bits_, words_ * static_cast<std::size_t>(area_.height), std::uint64_t{0});
     for (int cy = 0; cy < used.height; ++cy) {
-      const cv::Range range = cells_.set_ranges(depth, cy, cell_lo_.data(), cell_span_.data());
-      for (int cx = 0; cx < used.width; ++cx) {
-        fill_cell(cell_lo_[static_cast<std::size_t>(cx)], lo_.data() + cx * cell);
-        fill_cell(cell_span_[static_cast<std::size_t>(cx)], span_.data() + cx * cell);
-      }
-      set_kinds(range);
-      const int y_end = std::min((cy + 1) * cell, area_.height);
-      for (int y = cy * cell; y < y_end; ++y) write_row(depth, instance, y, out.ptr<uchar>(y));
+      const RegionCells::Row& row = cells_.row(cy);
+      const int top = area_.y + cy * cell, bottom = std::min(top + cell, area_.y + area_.height);
+      detail::for_each_run(row.inner, [&](int begin, int end) {
+        const int x = begin * cell, width = std::min(end * cell, area_.width) - x;
+        for (int y = top; y < bottom; ++y)
+          detail::fill_bits(bit_of(area_.x + x), static_cast<std::size_t>(width), bits_of(y));
+      });
+      detail::for_each_run(row.rim, [&](int begin, int end) {
+        for (int cx = begin; cx < end; ++cx) {
+          const RegionCells::Range range = cells_.range(depth, cx);
+          fill_cell(range.lo, lo_.data() + (cx - begin) * cell);
+          fill_cell(range.span, span_.data() + (cx - begin) * cell);
+        }
+        const int left = area_.x + begin * cell;
+        const int right = std::min(area_.x + end * cell, area_.x + area_.width);
+        for (int x = left; x < right; x += kPart)
+          take_in_range(depth, {x, top, std::min(kPart, right - x), bottom - top},
+                        lo_.data() + (x - left), span_.data() + (x - left));
+      });
     }
-    claim_unmeasured_rim(depth, out);
+    if (!instance.mask.empty()) take_unmeasured(depth, instance);
   }
 
-  // Of the parts of a row of cells, of which those in `range` have a range of depths.
-  void set_kinds(const cv::Range& range) {
-    const std::size_t cell = static_cast<std::size_t>(settings_.cell_px);
-    for (std::size_t k = 0; k < kinds_.size(); ++k) {
-      const std::size_t begin = part_begin(k);
-      const std::size_t end =
-          std::min(begin + detail::kRowPart, static_cast<std::size_t>(area_.width));
-      const int first = static_cast<int>(begin / cell), last = static_cast<int>((end - 1) / cell);
-      kinds_[k] = Part::kMixed;
-      if (last < range.start || first >= range.end) {
-        kinds_[k] = Part::kOutside;
-      } else {
-        std::uint16_t least = RegionCells::kInner;
-        for (int cx = first; cx <= last; ++cx)
-          least = std::min(least, cell_span_[static_cast<std::size_t>(cx)]);
-        if (least == RegionCells::kInner) kinds_[k] = Part::kInside;
-      }
+  // The bits of a row of the picture, as far as area_ goes; pixel x is bit_of(x).
+  std::uint64_t* bits_of(int y) {
+    return bits_.data() + static_cast<std::size_t>(y - area_.y) * words_;
+  }
+  std::size_t bit_of(int x) const { return static_cast<std::size_t>(x - 64 * first_word_); }
+
+  // Depth from (x, y) on, kPart pixels; 65535 beyond the picture.
+  const std::uint16_t* depth_part(const DepthView& depth, int x, int y) {
+    const std::uint16_t* row = depth.row(y);
+    const int width = depth.size().width;
+    if (x + kPart <= width) return row + x;
+    depth_part_.fill(65535);
+    std::copy(row + x, row + width, depth_part_.begin());
+    return depth_part_.data();
+  }
+
+  // The pixels in their ranges of depth, at most kPart in a row.
+  void take_in_range(const DepthView& depth, const cv::Rect& part, const std::uint16_t* lo,
+                     const std::uint16_t* span) {
+    const std::uint64_t valid = (std::uint64_t{1} << part.width) - 1;
+    for (int y = part.y; y < part.y + part.height; ++y) {
+      uchar taken[kPart];
+      compare_part(depth_part(depth, part.x, y), lo, span, taken);
+      detail::or_bits(detail::pack_16(taken) & valid, bit_of(part.x), bits_of(y));
     }
+  }
+
+  static void compare_part(const std::uint16_t* STILLPOINT_RESTRICT z,
+                           const std::uint16_t* STILLPOINT_RESTRICT lo,
+                           const std::uint16_t* STILLPOINT_RESTRICT span,
+                           uchar* STILLPOINT_RESTRICT taken) {
+    for (int i = 0; i < kPart; ++i)  // lo > 0, so what is not measured is never in range
+      taken[i] = static_cast<std::uint16_t>(z[i] - lo[i]) <= span[i] ? 255 : 0;
+  }
+
+  // The pixels on the mask that have no depth.
+  void take_unmeasured(const DepthView& depth, const Instance& instance) {
+    const cv::Rect& box = instance.box;
+    for (int y = box.y; y < box.y + box.height; ++y) {
+      detail::refill(columns_, words_, std::uint64_t{0});
+      detail::or_bytes(instance.mask.ptr<uchar>(y - box.y), static_cast<std::size_t>(box.width),
+                       bit_of(box.x), columns_.data());
+      std::uint64_t* row = bits_of(y);
+      for (std::size_t k = 0; k < words_; ++k)
+        for (std::uint64_t left = columns_[k] & ~row[k]; left != 0;) {
+          const int at = detail::lowest_bit(left) / kPart * kPart;
+          const std::uint64_t part = std::uint64_t{0xffff} << at;
+          const int x = 64 * (first_word_ + static_cast<int>(k)) + at;
+          uchar zero[kPart];
+          mark_zeros(depth_part(depth, x, y), zero);
+          row[k] |= left & detail::pack_16(zero) << at;
+          left &= ~part;
+        }
+    }
+  }
+
+  static void mark_zeros(const std::uint16_t* STILLPOINT_RESTRICT z,
+                         uchar* STILLPOINT_RESTRICT zero) {
+    for (int i = 0; i < kPart; ++i) zero[i] = z[i] == 0 ? 255 : 0;
   }
 
   void fill_cell(std::uint16_t value, std::uint16_t* to) const {
@@ -164,81 +216,42 @@ class InstanceRegion {
     for (; i < settings_.cell_px; ++i) to[i] = value;
   }
 
-  void write_row(const DepthView& depth, const Instance& instance, int y, uchar* to) {
-    const std::uint16_t* z = depth.row(area_.y + y) + area_.x;
-    const int in_box = area_.y + y - instance.box.y;
-    const std::size_t left = static_cast<std::size_t>(instance.box.x - area_.x);
-    const std::size_t width = static_cast<std::size_t>(instance.box.width);
-    if (!instance.mask.empty() && in_box >= 0 && in_box < instance.box.height)
-      std::memcpy(mask_row_.data() + left, instance.mask.ptr<uchar>(in_box), width);
-    else
-      std::memset(mask_row_.data() + left, 0, width);
-    std::uint8_t* unmeasured = unmeasured_.data() + static_cast<std::size_t>(y) * kinds_.size();
-    for (std::size_t k = 0; k < kinds_.size(); ++k) {
-      const std::size_t at = part_begin(k);
-      const std::size_t n = std::min(detail::kRowPart, static_cast<std::size_t>(area_.width) - at);
-      if (kinds_[k] == Part::kInside)
-        std::memset(to + at, 255, n);
-      else if (n == detail::kRowPart)
-        unmeasured[k] = write_part(z + at, lo_.data() + at, span_.data() + at,
-                                   mask_row_.data() + at, detail::kRowPart, to + at);
+  // What the camera did not measure right beside the object is its, too: at outlines it measures
+  // nothing. Writes the pixels to `out` and into `all`.
+  void claim_unmeasured_rim(const DepthView& depth, cv::Mat& out, detail::BitMask& all) {
+    for (auto& row : wide_) detail::refill(row, words_, std::uint64_t{0});
+    detail::refill(columns_, words_, std::uint64_t{0});
+    detail::fill_bits(bit_of(area_.x), static_cast<std::size_t>(area_.width), columns_.data());
+    widen(bits_of(area_.y), wide_[1].data());
+    for (int y = area_.y; y < area_.y + area_.height; ++y) {
+      // Rows as they were: the rim does not grow on itself.
+      if (y + 1 < area_.y + area_.height)
+        widen(bits_of(y + 1), wide_[2].data());
       else
-        unmeasured[k] = write_part(z + at, lo_.data() + at, span_.data() + at,
-                                   mask_row_.data() + at, n, to + at);
-    }
-  }
-
-  // Not 0 if there are pixels without depth.
-  static std::uint8_t write_part(const std::uint16_t* STILLPOINT_RESTRICT z,
-                                 const std::uint16_t* STILLPOINT_RESTRICT lo,
-                                 const std::uint16_t* STILLPOINT_RESTRICT span,
-                                 const uchar* STILLPOINT_RESTRICT mask, std::size_t n,
-                                 uchar* STILLPOINT_RESTRICT to) {
-    uchar any = 0;
-    for (std::size_t x = 0; x < n; ++x) {
-      const std::uint16_t offset = static_cast<std::uint16_t>(z[x] - lo[x]);
-      const uchar in_range = offset <= span[x] ? 255 : 0, unmeasured = z[x] == 0 ? 255 : 0;
-      to[x] = static_cast<uchar>(in_range | (unmeasured & mask[x]));
-      any = static_cast<uchar>(any | unmeasured);
-    }
-    return any;
-  }
-
-  void claim_unmeasured_rim(const DepthView& depth, cv::Mat& out) {
-    // Rows as they were, with a pixel more on both sides: the rim does not grow on itself.
-    const std::size_t w = static_cast<std::size_t>(out.cols), parts = kinds_.size();
-    for (auto& row : rim_rows_) detail::refill(row, w + 2, uchar{0});
-    std::memcpy(rim_rows_[1].data() + 1, out.ptr<uchar>(0), w);
-    for (int y = 0; y < out.rows; ++y) {
-      if (y + 1 < out.rows)
-        std::memcpy(rim_rows_[2].data() + 1, out.ptr<uchar>(y + 1), w);
-      else
-        std::memset(rim_rows_[2].data(), 0, w + 2);
-      const std::uint16_t* z = depth.row(area_.y + y) + area_.x;
-      uchar* to = out.ptr<uchar>(y);
-      const std::uint8_t* unmeasured = unmeasured_.data() + static_cast<std::size_t>(y) * parts;
-      for (std::size_t k = 0; k < parts; ++k) {
-        if (!unmeasured[k]) continue;
-        const std::size_t at = part_begin(k), n = std::min(detail::kRowPart, w - at);
-        claim_part(z + at, rim_rows_[0].data() + at, rim_rows_[1].data() + at,
-                   rim_rows_[2].data() + at, n, to + at);
+        std::fill(wide_[2].begin(), wide_[2].end(), 0);
+      std::uint64_t* row = bits_of(y);
+      std::uint64_t* to = all.row(y) + static_cast<std::size_t>(first_word_);
+      const std::uint16_t* z = depth.row(y) + 64 * first_word_;
+      for (std::size_t k = 0; k < words_; ++k, z += 64) {
+        const std::uint64_t rim = (wide_[0][k] | wide_[1][k] | wide_[2][k]) & ~row[k] & columns_[k];
+        detail::for_each_bit(rim, [&](int i) {
+          if (z[i] == 0) row[k] |= std::uint64_t{1} << i;
+        });
+        to[k] |= row[k];
       }
-      std::swap(rim_rows_[0], rim_rows_[1]);
-      std::swap(rim_rows_[1], rim_rows_[2]);
+      detail::unpack(row, bit_of(area_.x), static_cast<std::size_t>(area_.width),
+                     out.ptr<uchar>(y - area_.y));
+      std::swap(wide_[0], wide_[1]);
+      std::swap(wide_[1], wide_[2]);
     }
   }
 
-  // Row a is above, b the pixels' own, c below; each begins a pixel before z.
-  static void claim_part(const std::uint16_t* STILLPOINT_RESTRICT z,
-                         const uchar* STILLPOINT_RESTRICT a, const uchar* STILLPOINT_RESTRICT b,
-                         const uchar* STILLPOINT_RESTRICT c, std::size_t n,
-                         uchar* STILLPOINT_RESTRICT to) {
-    uchar column[detail::kRowPart + 2];
-    for (std::size_t x = 0; x < n + 2; ++x) column[x] = static_cast<uchar>(a[x] | b[x] | c[x]);
-    for (std::size_t x = 0; x < n; ++x) {
-      const uchar unmeasured = z[x] == 0 ? 255 : 0;
-      to[x] =
-          static_cast<uchar>(to[x] | (unmeasured & (column[x] | column[x + 1] | column[x + 2])));
+  // A row with the pixels beside those that are set.
+  void widen(const std::uint64_t* row, std::uint64_t* wide) const {
+    for (std::size_t k = 0; k < words_; ++k) {
+      wide[k] = row[k] | row[k] << 1 | row[k] >> 1;
+      if (k > 0) wide[k] |= row[k - 1] >> 63;
+      if (k + 1 < words_) wide[k] |= row[k + 1] << 63;
     }
   }
 
@@ -250,11 +263,13 @@ class InstanceRegion {
   std::vector<InverseSample> floor_samples_;
   DepthRange range_;
   cv::Rect area_;  // the pixels that are written
-  std::vector<std::uint16_t> cell_lo_, cell_span_, lo_, span_;
-  std::vector<uchar> mask_row_;
-  std::vector<Part> kinds_;               // of the row of cells being written
-  std::vector<std::uint8_t> unmeasured_;  // per row and part
-  std::array<std::vector<uchar>, 3> rim_rows_;
+  std::vector<std::uint16_t> lo_, span_;
+  std::array<std::uint16_t, kPart> depth_part_{};
+  // The pixels of area_: rows of words_ words, the first of which is the picture's first_word_.
+  std::vector<std::uint64_t> bits_, columns_;
+  int first_word_ = 0;
+  std::size_t words_ = 0;
+  std::array<std::vector<std::uint64_t>, 3> wide_;
 };
 
 }  // namespace stillpoint

@@ -75,6 +75,7 @@ class ObjectDepthRange {
  private:
   static constexpr int kBins = 256;
   static constexpr float kBinM = 0.05f;
+  static constexpr int kAhead = 3;        // rows of cells
   static constexpr float kReachM = 0.7f;  // a person's arm
 
   bool fill_histogram(const DepthView& depth, const StratifiedSamples& samples,
@@ -119,22 +120,48 @@ class ObjectDepthRange {
       }
       for (; cx < cells.x + cells.width; ++cx) take(cx);
     }
+    if (!bare) {
+      measured = count_bins(n, to_bin);
+      total_ = measured;
+      return measured >= 6 && measured * 5 >= on_mask;
+    }
     sample = samples_.data();
     for (int cy = cells.y; cy < cells.y + cells.height; ++cy)
       for (int cx = cells.x; cx < cells.x + cells.width; ++cx, ++sample) {
         if (*sample == 0) continue;
         ++measured;
         // In a bare box the person is in the middle columns.
-        int weight = 1;
-        if (bare) {
-          const int x = samples.place(cx, cy, depth.size()).x - box.x;
-          if (8 * std::abs(2 * x - box.width) < 3 * box.width) weight = 4;
-        }
+        const int x = samples.place(cx, cy, depth.size()).x - box.x;
+        const int weight = 8 * std::abs(2 * x - box.width) < 3 * box.width ? 4 : 1;
         total_ += weight;
         const int bin = std::min(kBins - 1, static_cast<int>(*sample * to_bin));
         histogram_[static_cast<std::size_t>(bin)] += weight;
       }
     return measured >= 6 && measured * 5 >= on_mask;
+  }
+
+  // Adds the first n samples to the histogram; returns how many have depth.
+  int count_bins(std::size_t n, float to_bin) {
+    constexpr std::size_t kPart = 32;
+    std::array<int, kPart> bins;
+    // One histogram after the other: adding to a number just written waits for it.
+    std::array<std::array<int, kBins>, 2> counts{};
+    int unmeasured = 0;
+    for (std::size_t i = 0; i < n; i += kPart) {
+      const std::size_t part = std::min(kPart, n - i);
+      const std::uint16_t* sample = samples_.data() + i;
+      for (std::size_t k = 0; k < part; ++k) {
+        const int bin = static_cast<int>(static_cast<float>(sample[k]) * to_bin);
+        bins[k] = bin < kBins - 1 ? bin : kBins - 1;
+      }
+      for (std::size_t k = 0; k < part; ++k) {
+        ++counts[k & 1][static_cast<std::size_t>(bins[k])];
+        unmeasured += sample[k] == 0;
+      }
+    }
+    for (std::size_t b = 0; b < histogram_.size(); ++b) histogram_[b] = counts[0][b] + counts[1][b];
+    histogram_[0] -= unmeasured;
+    return static_cast<int>(n) - unmeasured;
   }
 
   int count(int bin) const {

@@ -9,6 +9,7 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
+#include "stillpoint/core/bit_mask.hpp"
 #include "stillpoint/core/config.hpp"
 #include "stillpoint/core/depth_view.hpp"
 #include "stillpoint/core/scratch.hpp"
@@ -56,45 +57,55 @@ class RegionCells {
   /// The cells around the object's box and region, in the picture's cells.
   cv::Rect used() const { return used_ + cells_.tl(); }
 
-  /// Sets the range of depths of each cell's pixels in a row of used(): what the samples of the
-  /// cell and of its eight neighbors in the region took, with some slack. `lo` and `span` get one
-  /// number per cell, in units; a cell without any gets span 0, one whose neighbors all are in the
-  /// region gets kInner: all of its pixels are the object's. Returns the first cell with a range
-  /// and the one after the last; ask for rows in order. O(cells).
-  cv::Range set_ranges(const DepthView& depth, int row, std::uint16_t* lo, std::uint16_t* span) {
+  /// A row of used(), as bits (cell x is bit x % 64 of word x / 64): the cells all of whose
+  /// neighbors are in the region too, all of whose pixels are the object's; and the other cells in
+  /// the region or beside it, whose pixels are told apart by range().
+  struct Row {
+    std::vector<std::uint64_t> inner, rim;
+  };
+
+  /// The row of cells; ask for rows in order. O(cells).
+  const Row& row(int row) {
     const int y = used_.y + row;
     if (row_ != row - 1) {
+      for (auto* words : {&part_.inner, &part_.rim})
+        words->resize(detail::words_for(static_cast<std::size_t>(used_.width)));
       load_row(y - 1), load_row(y);
     }
     load_row(y + 1);
     row_ = row;
-    const std::size_t n = static_cast<std::size_t>(used_.width);
+    const std::size_t n = static_cast<std::size_t>(used_.width) + 2;
     merge_rows(low_rows_[0].data(), low_rows_[1].data(), low_rows_[2].data(), high_rows_[0].data(),
-               high_rows_[1].data(), high_rows_[2].data(), n + 2, low_.data(), high_.data(),
-               least_.data());
-    int first = used_.width, last = 0;
-    for (int x = 0; x < used_.width; ++x) {
-      const std::size_t i = static_cast<std::size_t>(x);
-      const float high = std::max({high_[i], high_[i + 1], high_[i + 2]});
-      // A fraction of a millimetre.
-      lo[i] = 1, span[i] = 0;
-      if (!(high > 0)) continue;
-      first = std::min(first, x), last = x + 1;
-      if (std::min({least_[i], least_[i + 1], least_[i + 2]}) > 0) {
-        span[i] = kInner;
-        continue;
-      }
-      const float low = std::min({low_[i], low_[i + 1], low_[i + 2]});
-      const float slack = 0.03f + 0.01f * low;
-      const int from = std::max(1, depth.first_units(low - slack));
-      const int to = std::max(from, depth.last_units(high + slack));
-      lo[i] = static_cast<std::uint16_t>(from);
-      span[i] = static_cast<std::uint16_t>(std::min(to - from, kInner - 1));
+               high_rows_[1].data(), high_rows_[2].data(), n, low_.data(), high_.data());
+    for (std::size_t k = 0; k < part_.rim.size(); ++k) {
+      // Bit 0 of the loaded rows is the cell left of the first.
+      const auto any = [&](std::size_t i) { return bits_[0][i] | bits_[1][i] | bits_[2][i]; };
+      const auto all = [&](std::size_t i) { return bits_[0][i] & bits_[1][i] & bits_[2][i]; };
+      const std::uint64_t any_0 = any(k), any_1 = any(k + 1), all_0 = all(k), all_1 = all(k + 1);
+      const std::uint64_t in = all_0 & (all_0 >> 1 | all_1 << 63) & (all_0 >> 2 | all_1 << 62);
+      part_.inner[k] = in;
+      part_.rim[k] = (any_0 | any_0 >> 1 | any_1 << 63 | any_0 >> 2 | any_1 << 62) & ~in;
     }
-    return {std::min(first, last), last};
+    // What is marked beyond the last cell stands for none.
+    if (const std::size_t rest = (n - 2) % 64; rest != 0)
+      part_.rim.back() &= ~(~std::uint64_t{0} << rest);
+    return part_;
   }
 
-  static constexpr std::uint16_t kInner = 65535;
+  /// The depths, in units, of the pixels of a cell in the rim of the row last asked for: what the
+  /// samples of the cell and of its eight neighbors in the region took, with some slack.
+  struct Range {
+    std::uint16_t lo, span;
+  };
+  Range range(const DepthView& depth, int x) const {
+    const std::size_t i = static_cast<std::size_t>(x);
+    const float high = std::max({high_[i], high_[i + 1], high_[i + 2]});
+    const float low = std::min({low_[i], low_[i + 1], low_[i + 2]});
+    const float slack = 0.03f + 0.01f * low;
+    const int from = std::max(1, depth.first_units(low - slack));
+    const int to = std::max(from, depth.last_units(high + slack));
+    return {static_cast<std::uint16_t>(from), static_cast<std::uint16_t>(to - from)};
+  }
 
  private:
   static constexpr std::uint8_t kUnknown = 0, kOutside = 1, kOpen = 2, kRegion = 3, kPart = 4;
@@ -175,9 +186,18 @@ class RegionCells {
       border_.resize(std::max(border_.size(), static_cast<std::size_t>(used_.width)));
       mark_border(s, s - stride_, s + stride_, static_cast<std::size_t>(used_.width),
                   border_.data());
-      for (int x = 0; x < used_.width; ++x)
-        if (border_[static_cast<std::size_t>(x)]) queue_.push_back({used_.x + x, y, 0});
+      visit_marked([&](int x) { queue_.push_back({used_.x + x, y, 0}); });
     }
+  }
+
+  // Calls `visit(x)` for the cells of a row of used_ that border_ marks.
+  template <class Visitor>
+  void visit_marked(Visitor&& visit) {
+    const std::size_t n = static_cast<std::size_t>(used_.width);
+    detail::refill(bits_[0], detail::words_for(n), std::uint64_t{0});
+    detail::or_bytes(border_.data(), n, 0, bits_[0].data());
+    for (std::size_t k = 0; k < bits_[0].size(); ++k)
+      detail::for_each_bit(bits_[0][k], [&](int i) { visit(64 * static_cast<int>(k) + i); });
   }
 
   // Parts of the mask at other depths are the object's, too (an arm stretched out, a second person
@@ -193,17 +213,28 @@ class RegionCells {
     const std::size_t least = std::max<std::size_t>(6, on_mask / 25);
     if (on_mask < core + least) return;
     queue_.clear();
-    for (int y = used_.y; y < used_.y + used_.height; ++y)
-      for (int x = used_.x; x < used_.x + used_.width; ++x) {
-        if (state_[index(x, y)] != kUnknown || !sample_at(sample, x, y)) continue;
+    if (border_.size() < width) border_.resize(width);
+    for (int y = used_.y; y < used_.y + used_.height; ++y) {
+      mark_unknown(sample + static_cast<std::size_t>(y - used_.y) * width,
+                   state_.data() + index(used_.x, y), width, border_.data());
+      visit_marked([&](int in_row) {
+        const int x = used_.x + in_row;
+        if (state_[index(x, y)] != kUnknown) return;  // in a part found since
         const std::size_t begin = queue_.size();
         if (!collect_part(depth, samples, floor, sample, x, y) || queue_.size() - begin < least)
-          continue;
+          return;
         for (std::size_t k = begin; k < queue_.size(); ++k)
           state_[index(queue_[k].x, queue_[k].y)] = kRegion;
-      }
+      });
+    }
     for (const Visit& v : queue_)
       if (state_[index(v.x, v.y)] == kPart) state_[index(v.x, v.y)] = kUnknown;
+  }
+
+  static void mark_unknown(const std::uint16_t* STILLPOINT_RESTRICT sample,
+                           const std::uint8_t* STILLPOINT_RESTRICT state, std::size_t n,
+                           std::uint8_t* STILLPOINT_RESTRICT marked) {
+    for (std::size_t x = 0; x < n; ++x) marked[x] = (sample[x] != 0) & (state[x] == kUnknown);
   }
 
   static void count_row(const std::uint16_t* STILLPOINT_RESTRICT sample,
@@ -271,11 +302,13 @@ class RegionCells {
     for (std::size_t k = 0; k < queue_.size(); ++k) {
       const Visit visit = queue_[k];
       if (visit.distance >= reach) continue;
-      const float z = z_[index(visit.x, visit.y)];
-      const float step = std::max(0.03f, 0.02f * z);
-      for (const auto& next : kNext) {
-        const int x = visit.x + next[0], y = visit.y + next[1];
-        const std::size_t j = index(x, y);
+      const std::size_t i = index(visit.x, visit.y);
+      const float z = z_[i], step = std::max(0.03f, 0.02f * z);
+      const std::size_t beside[4] = {i - 1, i + 1, i - stride_, i + stride_};
+      for (int n = 0; n < 4; ++n) {
+        const std::size_t j = beside[n];
+        if (state_[j] == kRegion || state_[j] == kOutside) continue;
+        const int x = visit.x + kNext[n][0], y = visit.y + kNext[n][1];
         if (state_[j] == kUnknown) {
           const cv::Point p = place(samples, depth, x, y);
           z_[j] = depth.to_m(depth.row(p.y)[p.x]);
@@ -297,10 +330,21 @@ class RegionCells {
   void load_row(int y) {
     std::swap(low_rows_[0], low_rows_[1]), std::swap(low_rows_[1], low_rows_[2]);
     std::swap(high_rows_[0], high_rows_[1]), std::swap(high_rows_[1], high_rows_[2]);
+    std::swap(bits_[0], bits_[1]), std::swap(bits_[1], bits_[2]);
     const std::size_t n = static_cast<std::size_t>(used_.width) + 2, i = index(used_.x - 1, y);
-    for (auto* v : {&low_rows_[2], &high_rows_[2], &low_, &high_, &least_})
+    for (auto* v : {&low_rows_[2], &high_rows_[2], &low_, &high_})
       if (v->size() < n) v->resize(n);
+    if (border_.size() < n) border_.resize(n);
     split_row(z_.data() + i, state_.data() + i, n, low_rows_[2].data(), high_rows_[2].data());
+    mark_region(state_.data() + i, n, border_.data());
+    // A word more, for the words are read shifted.
+    detail::refill(bits_[2], detail::words_for(n) + 1, std::uint64_t{0});
+    detail::or_bytes(border_.data(), n, 0, bits_[2].data());
+  }
+
+  static void mark_region(const std::uint8_t* STILLPOINT_RESTRICT state, std::size_t n,
+                          std::uint8_t* STILLPOINT_RESTRICT marked) {
+    for (std::size_t x = 0; x < n; ++x) marked[x] = state[x] == kRegion ? 255 : 0;
   }
 
   static void split_row(const float* STILLPOINT_RESTRICT z,
@@ -316,13 +360,11 @@ class RegionCells {
                          const float* STILLPOINT_RESTRICT c, const float* STILLPOINT_RESTRICT d,
                          const float* STILLPOINT_RESTRICT e, const float* STILLPOINT_RESTRICT f,
                          std::size_t n, float* STILLPOINT_RESTRICT low,
-                         float* STILLPOINT_RESTRICT high, float* STILLPOINT_RESTRICT least) {
+                         float* STILLPOINT_RESTRICT high) {
     for (std::size_t x = 0; x < n; ++x) {
       const float ab = a[x] < b[x] ? a[x] : b[x], de = d[x] > e[x] ? d[x] : e[x];
       low[x] = ab < c[x] ? ab : c[x];
       high[x] = de > f[x] ? de : f[x];
-      const float less = d[x] < e[x] ? d[x] : e[x];
-      least[x] = less < f[x] ? less : f[x];
     }
   }
 
@@ -333,7 +375,9 @@ class RegionCells {
   std::vector<std::uint8_t> state_, border_;
   std::vector<Visit> queue_;
   std::array<std::vector<float>, 3> low_rows_, high_rows_;
-  std::vector<float> low_, high_, least_;
+  std::vector<float> low_, high_;
+  std::array<std::vector<std::uint64_t>, 3> bits_;
+  Row part_;
   int row_ = -2;
 };
 

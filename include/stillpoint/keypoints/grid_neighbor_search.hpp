@@ -60,7 +60,7 @@ class GridNeighborSearch {
     }
     for (std::size_t c = 1; c < start_.size(); ++c) start_[c] += start_[c - 1];
     // Points of a cell, and cells of a row, lie together in memory.
-    x_.resize(n), y_.resize(n), index_.resize(n);
+    x_.resize(n + kVector), y_.resize(n + kVector), index_.resize(n);
     next_.resize(start_.size());
     std::copy(start_.begin(), start_.end(), next_.begin());
     for (std::size_t i = 0; i < n; ++i) {
@@ -93,9 +93,14 @@ class GridNeighborSearch {
     const float limit = radius_ * radius_;
     int count = 0;
     for_each_run(query, [&](std::size_t begin, std::size_t end) {
-      for (std::size_t k = begin; k < end; ++k) {
-        const float dx = query.x - x_[k], dy = query.y - y_[k];
-        count += dx * dx + dy * dy <= limit;
+      // Runs are short: whole vectors, also over their ends.
+      for (; begin < end; begin += kVector) {
+        const int left = static_cast<int>(end - begin);
+        for (int i = 0; i < kVector; ++i) {
+          const float dx = query.x - x_[begin + static_cast<std::size_t>(i)],
+                      dy = query.y - y_[begin + static_cast<std::size_t>(i)];
+          count += (dx * dx + dy * dy <= limit) & (i < left);
+        }
       }
     });
     return count;
@@ -119,6 +124,7 @@ class GridNeighborSearch {
   }
 
   static constexpr float kMaxCellsPerSide = 512;
+  static constexpr int kVector = 4;
 
   int column(float x) const { return index(x - min_.x); }
   int row(float y) const { return index(y - min_.y); }

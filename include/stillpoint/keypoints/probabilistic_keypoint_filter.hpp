@@ -136,12 +136,16 @@ class ProbabilisticKeypointFilter {
       points_[inside] = {x, y};
       index_[inside] = static_cast<int>(i);
       dynamic_[inside++] = dynamic;
-      if (!dynamic) continue;
-      dynamic_points_[found++] = {x, y};
-      selection_.probability[i] = 1;
-      selection_.reason[i] = KeypointReason::kInMask;
-      min_x_ = std::min(min_x_, x), max_x_ = std::max(max_x_, x);
-      min_y_ = std::min(min_y_, y), max_y_ = std::max(max_y_, y);
+      // Which ones are in the mask is hard to foresee: no branch.
+      dynamic_points_[found] = {x, y};
+      found += dynamic;
+      selection_.probability[i] = dynamic;
+      selection_.reason[i] = dynamic ? KeypointReason::kInMask : KeypointReason::kStatic;
+    }
+    for (std::size_t i = 0; i < found; ++i) {
+      const cv::Point2f& p = dynamic_points_[i];
+      min_x_ = std::min(min_x_, p.x), max_x_ = std::max(max_x_, p.x);
+      min_y_ = std::min(min_y_, p.y), max_y_ = std::max(max_y_, p.y);
     }
     points_.resize(inside), index_.resize(inside), dynamic_.resize(inside);
     dynamic_points_.resize(found);
@@ -151,12 +155,18 @@ class ProbabilisticKeypointFilter {
     mark_near_cells();
     all_.build(points_, settings_.radius_px);
     dynamic_search_.build(dynamic_points_, settings_.radius_px);
+    asked_.resize(points_.size());
+    std::size_t asked = 0;
     for (std::size_t i = 0; i < points_.size(); ++i) {
-      if (dynamic_[i] || !near_dynamic(points_[i])) continue;
+      asked_[asked] = i;
+      asked += static_cast<std::size_t>(!dynamic_[i] & near_dynamic(points_[i]));
+    }
+    for (std::size_t k = 0; k < asked; ++k) {
+      const std::size_t i = asked_[k];
       const cv::Point2f p = points_[i];
       std::int64_t sum = 0;
-      dynamic_search_.for_each_neighbor(p, [&](int k) {
-        const cv::Point2f& q = dynamic_points_[static_cast<std::size_t>(k)];
+      dynamic_search_.for_each_neighbor(p, [&](int near) {
+        const cv::Point2f& q = dynamic_points_[static_cast<std::size_t>(near)];
         const float dx = p.x - q.x, dy = p.y - q.y;
         sum += table_[static_cast<std::size_t>((dx * dx + dy * dy) * table_scale_ + 0.5f)];
       });
@@ -208,12 +218,15 @@ class ProbabilisticKeypointFilter {
   }
 
   bool near_dynamic(const cv::Point2f& p) const {
-    if (p.x < left_ || p.y < top_) return false;
-    const int x = static_cast<int>((p.x - left_) * per_cell_);
-    const int y = static_cast<int>((p.y - top_) * per_cell_);
-    return x < columns_ && y < rows_ &&
-           near_[static_cast<std::size_t>(y) * static_cast<std::size_t>(columns_) +
-                 static_cast<std::size_t>(x)];
+    // No branch, as before.
+    const float u = (p.x - left_) * per_cell_, v = (p.y - top_) * per_cell_;
+    const float x = std::min(std::max(u, 0.0f), static_cast<float>(columns_ - 1));
+    const float y = std::min(std::max(v, 0.0f), static_cast<float>(rows_ - 1));
+    const bool in =
+        (u >= 0) & (v >= 0) & (u < static_cast<float>(columns_)) & (v < static_cast<float>(rows_));
+    return in & (near_[static_cast<std::size_t>(static_cast<int>(y)) *
+                           static_cast<std::size_t>(columns_) +
+                       static_cast<std::size_t>(static_cast<int>(x))] != 0);
   }
 
   void remove() {
@@ -258,6 +271,7 @@ class ProbabilisticKeypointFilter {
   std::vector<cv::Point2f> dynamic_points_;
   std::vector<int> index_;  // points_ -> the host's index
   std::vector<std::uint8_t> dynamic_;
+  std::vector<std::size_t> asked_;  // of points_: static, with dynamic ones near
   float min_x_ = 0, min_y_ = 0, max_x_ = 0, max_y_ = 0;  // of the dynamic ones
 
   float per_cell_ = 1, left_ = 0, top_ = 0;

@@ -16,6 +16,7 @@
 #include <utility>
 #include <vector>
 
+#include "stillpoint/core/config.hpp"
 #include "stillpoint/core/depth_view.hpp"
 #include "stillpoint/core/frame.hpp"
 #include "stillpoint/core/random.hpp"
@@ -48,6 +49,7 @@ class CameraMotion {
   /// Takes the next frame, without looking for the motion to it. O(pixels).
   void begin(const RgbdFrame& frame, const DepthView& depth) {
     flows_.clear();
+    blocks_.clear();
     current_.set(frame, depth);
   }
 
@@ -62,6 +64,7 @@ class CameraMotion {
     if (last_.empty || current_.empty || last_.size() != current_.size()) return;
     for (const Corner& c : last_.corners)
       if (!dynamic(2 * c.x, 2 * c.y)) follow(c, depth, guess);
+    fill_blocks();
   }
 
   /// Estimates the motion between the last two frames; `guess` is one of the motions that are
@@ -92,14 +95,17 @@ class CameraMotion {
 
   /// Share of the followed area that agrees with a motion.
   double support(const Eigen::Isometry3d& T_current_last) const {
-    const Eigen::Matrix3f R = T_current_last.linear().cast<float>();
-    const Eigen::Vector3f t = T_current_last.translation().cast<float>();
-    double agree = 0, all = 0;
-    for (const Flow& f : flows_) {
-      all += f.area;
-      agree += f.area * agreement(f, R * f.from + t);
+    const Mover move(T_current_last);
+    Lanes agree = Lanes::Zero(), all = Lanes::Zero();
+    for (const Block& b : blocks_) {
+      const View seen = look(b, move, kMaxErrorPx);
+      // 0 where a depth that is known speaks against it.
+      const Lanes excess = (b.depth - seen.z).abs() - (0.03f + 0.012f * seen.z * seen.z);
+      agree += b.area * seen.nearness * (1 - (excess * b.has_depth * kHuge).max(0.0f)).max(0.0f);
+      all += b.area;
     }
-    return all > 0 ? agree / all : 0;
+    const double total = sum(all);
+    return total > 0 ? sum(agree) / total : 0;
   }
 
   /// A corner that moves otherwise than the camera says, with others around it that do so too.
@@ -145,6 +151,8 @@ class CameraMotion {
   static constexpr int kHypotheses = 100;
   static constexpr float kMaxErrorPx = 0.8f;  // of the whole picture's
   static constexpr float kBlurError = 0.15f;  // of a corner's way: what is blurred is followed ill
+  static constexpr float kLeastDepth = 0.2f;  // metres, before the camera
+  static constexpr float kHuge = 1e30f;       // makes 1 of what is not 0
   static constexpr double kTinyStep = 1e-5;
   static constexpr double kMinSupport = 0.3, kPromising = 0.5, kUsual = 0.95;
   static constexpr int kNearPx = 8, kFarPx = 16;  // the patch on the half and the quarter picture
@@ -171,6 +179,7 @@ class CameraMotion {
     cv::Mat gray, half, quarter, score;
     cv::Mat fine_half, fine_quarter;  // CV_32FC1: read many times
     std::vector<Corner> corners;
+    std::vector<float> highest;  // score of the columns of a row of blocks
     float fx = 1, fy = 1, cx = 0, cy = 0;
     bool empty = true;
 
@@ -190,17 +199,21 @@ class CameraMotion {
       quarter.convertTo(fine_quarter, CV_32F);
       cv::cornerMinEigenVal(quarter, score, 3);
       fx = view.focal_px(), fy = view.focal_y_px(), cx = view.center_x(), cy = view.center_y();
-      for (int y0 = kRim; y0 + kBlock + kRim <= quarter.rows; y0 += kBlock)
+      for (int y0 = kRim; y0 + kBlock + kRim <= quarter.rows; y0 += kBlock) {
+        highest.resize(static_cast<std::size_t>(quarter.cols));
+        std::copy_n(score.ptr<float>(y0), quarter.cols, highest.begin());
+        for (int y = y0 + 1; y < y0 + kBlock; ++y)
+          raise(score.ptr<float>(y), static_cast<std::size_t>(quarter.cols), highest.data());
         for (int x0 = kRim; x0 + kBlock + kRim <= quarter.cols; x0 += kBlock) {
-          Corner best{0, 0, 0, 2e-4f};
-          for (int y = y0; y < y0 + kBlock; ++y)
-            for (int x = x0; x < x0 + kBlock; ++x)
-              if (score.at<float>(y, x) > best.score)
-                best = {2 * x, 2 * y, 0, score.at<float>(y, x)};
-          if (best.x == 0) continue;
+          const float* column = highest.data() + x0;
+          float most = column[0];
+          for (int x = 1; x < kBlock; ++x) most = std::max(most, column[x]);
+          if (!(most > kMinScore)) continue;
+          Corner best = first_of_block(x0, y0, most);
           best.depth_m = whole_depth(view, 2 * best.x, 2 * best.y, kNearPx);
           if (best.depth_m > 0) corners.push_back(best);
         }
+      }
       if (corners.size() > kMaxCorners) {
         std::nth_element(
             corners.begin(), corners.begin() + kMaxCorners, corners.end(),
@@ -210,24 +223,46 @@ class CameraMotion {
         corners.resize(kMaxCorners);
       }
     }
+
+    // Where a block of `score` reaches its highest value first.
+    Corner first_of_block(int x0, int y0, float most) const {
+      for (int y = y0; y < y0 + kBlock; ++y) {
+        const float* row = score.ptr<float>(y);
+        for (int x = x0; x < x0 + kBlock; ++x)
+          if (row[x] == most) return {2 * x, 2 * y, 0, most};
+      }
+      return {0, 0, 0, 0};
+    }
+
+    static void raise(const float* STILLPOINT_RESTRICT by, std::size_t n,
+                      float* STILLPOINT_RESTRICT highest) {
+      for (std::size_t x = 0; x < n; ++x) highest[x] = by[x] > highest[x] ? by[x] : highest[x];
+    }
   };
   static constexpr std::size_t kMaxCorners = 250;
+  static constexpr float kMinScore = 2e-4f;
 
   // Depth around a pixel; 0 where it is not measured or torn by an edge.
   static float whole_depth(const DepthView& view, int u, int v, int reach) {
     if (u < reach || v < reach || u + reach >= view.size().width || v + reach >= view.size().height)
       return 0;
-    int lo = 65536, hi = 0, sum = 0, n = 0;
-    for (int y = v - reach; y <= v + reach; y += 4)
-      for (int x = u - reach; x <= u + reach; x += 4) {
-        const int z = view.row(y)[x];
-        if (z == 0) continue;
-        lo = std::min(lo, z), hi = std::max(hi, z);
-        if (std::abs(x - u) <= 4 && std::abs(y - v) <= 4) sum += z, ++n;
+    std::uint16_t lo = 65535, hi = 0;  // lo: one less, so that 0, no measurement, is the highest
+    for (int y = v - reach; y <= v + reach; y += 4) {
+      const std::uint16_t* row = view.row(y) + u;
+      for (int x = -reach; x <= reach; x += 4) {
+        lo = std::min(lo, static_cast<std::uint16_t>(row[x] - 1));
+        hi = std::max(hi, row[x]);
+      }
+    }
+    int sum = 0, n = 0;
+    for (int y = v - 4; y <= v + 4; y += 4)
+      for (int x = u - 4; x <= u + 4; x += 4) {
+        const std::uint16_t z = view.row(y)[x];
+        sum += z, n += z != 0;
       }
     if (n < 5) return 0;
-    const float near = view.to_m(static_cast<std::uint16_t>(lo));
-    const float far = view.to_m(static_cast<std::uint16_t>(hi));
+    const float near = view.to_m(static_cast<std::uint16_t>(lo + 1));
+    const float far = view.to_m(hi);
     return far - near < 0.05f + 0.07f * near
                ? static_cast<float>(sum) / static_cast<float>(n) * view.metres_per_unit_value()
                : 0;
@@ -258,15 +293,60 @@ class CameraMotion {
             current_.fy * q.y() / q.z() + current_.cy - f.v};
   }
 
-  // 1 where the corner is seen just there, 0 beyond the greatest error.
-  float agreement(const Flow& f, const Eigen::Vector3f& q) const {
-    if (q.z() < 0.2f) return 0;
-    const float du = current_.fx * q.x() / q.z() + current_.cx - f.u;
-    const float dv = current_.fy * q.y() / q.z() + current_.cy - f.v;
-    const float share = (du * du + dv * dv) / (kMaxErrorPx * kMaxErrorPx);
-    if (!(share < 1)) return 0;
-    if (f.depth_m > 0 && std::abs(f.depth_m - q.z()) > 0.03f + 0.012f * q.z() * q.z()) return 0;
-    return 1 - share;
+  // Four flows side by side, as vector instructions take them; lanes without one have no area.
+  using Lanes = Eigen::Array<float, 4, 1>;
+  struct Block {
+    Lanes x, y, z;  // in space before
+    Lanes u, v, depth, has_depth, area;
+  };
+
+  void fill_blocks() {
+    for (std::size_t i = 0; i < flows_.size(); ++i) {
+      const Eigen::Index k = static_cast<Eigen::Index>(i % 4);
+      if (k == 0) {
+        blocks_.emplace_back();
+        Block& b = blocks_.back();
+        for (Lanes* lanes : {&b.x, &b.y, &b.u, &b.v, &b.depth, &b.has_depth, &b.area})
+          lanes->setZero();
+        b.z.setOnes();
+      }
+      Block& b = blocks_.back();
+      const Flow& f = flows_[i];
+      b.x[k] = f.from.x(), b.y[k] = f.from.y(), b.z[k] = f.from.z();
+      b.u[k] = f.u, b.v[k] = f.v, b.depth[k] = f.depth_m, b.area[k] = f.area;
+      b.has_depth[k] = f.depth_m > 0 ? 1.0f : 0.0f;
+    }
+  }
+
+  struct Mover {
+    Eigen::Matrix3f R;
+    Eigen::Vector3f t;
+    explicit Mover(const Eigen::Isometry3d& T)
+        : R(T.linear().cast<float>()), t(T.translation().cast<float>()) {}
+  };
+
+  // How a motion explains a block: place in space over z, z, the errors in pixels, and 1 where the
+  // corner is seen just there, falling to 0 at the greatest error.
+  struct View {
+    Lanes x, y, z, eu, ev, nearness;
+  };
+  View look(const Block& b, const Mover& m, float max_error_px) const {
+    View s;
+    // What came too close is nowhere near its corner.
+    s.z = (m.R(2, 0) * b.x + m.R(2, 1) * b.y + m.R(2, 2) * b.z + m.t[2]).max(kLeastDepth);
+    const Lanes inverse = 1 / s.z;
+    s.x = (m.R(0, 0) * b.x + m.R(0, 1) * b.y + m.R(0, 2) * b.z + m.t[0]) * inverse;
+    s.y = (m.R(1, 0) * b.x + m.R(1, 1) * b.y + m.R(1, 2) * b.z + m.t[1]) * inverse;
+    s.eu = current_.fx * s.x + current_.cx - b.u;
+    s.ev = current_.fy * s.y + current_.cy - b.v;
+    const float per_square = 1 / (max_error_px * max_error_px);
+    s.nearness = (1 - (s.eu * s.eu + s.ev * s.ev) * per_square).max(0.0f);
+    return s;
+  }
+
+  // The same in every build, whatever its vectors.
+  static double sum(const Lanes& v) {
+    return (static_cast<double>(v[0]) + v[1]) + (static_cast<double>(v[2]) + v[3]);
   }
 
   void follow(const Corner& c, const DepthView& depth, const Eigen::Isometry3d& guess) {
@@ -392,7 +472,7 @@ class CameraMotion {
     for (const Flow*& f : three) f = &flows_[random.below(flows_.size())];
     for (int i = 0; i < 3; ++i) {
       Normal normal;
-      for (const Flow* f : three) add_to(normal, *f, T, 1e9f);
+      for (const Flow* f : three) add_to(normal, *f, T);
       if (normal.count < 3 || !step(normal, T)) return std::nullopt;
     }
     return T;
@@ -402,7 +482,7 @@ class CameraMotion {
   double improve(Eigen::Isometry3d& T, int steps = 2) const {
     for (int i = 0; i < steps; ++i) {
       Normal normal;
-      for (const Flow& f : flows_) add_to(normal, f, T, kMaxErrorPx);
+      add_agreeing(normal, T);
       if (normal.count < kMinFlows / 2) return 0;
       const std::optional<double> size = step(normal, T);
       if (!size) return 0;
@@ -417,21 +497,59 @@ class CameraMotion {
     std::size_t count = 0;
   };
 
-  void add_to(Normal& normal, const Flow& f, const Eigen::Isometry3d& T, float max_error_px) const {
+  // All flows within the greatest error of a motion, the nearer the more.
+  void add_agreeing(Normal& normal, const Eigen::Isometry3d& T) const {
+    const Mover move(T);
+    const float fx = current_.fx, fy = current_.fy;
+    std::array<std::array<Lanes, 6>, 6> H;
+    std::array<Lanes, 6> g;
+    for (auto& row : H) row.fill(Lanes::Zero());
+    g.fill(Lanes::Zero());
+    Lanes count = Lanes::Zero();
+    for (const Block& b : blocks_) {
+      const View s = look(b, move, kMaxErrorPx);
+      const Lanes weight = b.area * s.nearness * s.nearness, inverse = 1 / s.z;
+      count += (weight * kHuge).min(1.0f);
+      // Rows of the Jacobian; the first has no second entry and the second no first.
+      const std::array<Lanes, 6> ju = {fx * inverse,    Lanes::Zero(),        -fx * inverse * s.x,
+                                       -fx * s.x * s.y, fx * (1 + s.x * s.x), -fx * s.y};
+      const std::array<Lanes, 6> jv = {Lanes::Zero(),         fy * inverse,   -fy * inverse * s.y,
+                                       -fy * (1 + s.y * s.y), fy * s.x * s.y, fy * s.x};
+      const Lanes a0 = weight * ju[0], b1 = weight * jv[1];
+      H[0][0] += a0 * ju[0], H[1][1] += b1 * jv[1];
+      g[0] += a0 * s.eu, g[1] += b1 * s.ev;
+      for (std::size_t i = 2; i < 6; ++i) {
+        const Lanes a = weight * ju[i], c = weight * jv[i];
+        H[i][0] += a * ju[0], H[i][1] += c * jv[1];
+        for (std::size_t j = 2; j <= i; ++j) H[i][j] += a * ju[j] + c * jv[j];
+        g[i] += a * s.eu + c * s.ev;
+      }
+    }
+    for (int i = 0; i < 6; ++i) {
+      const std::size_t row = static_cast<std::size_t>(i);
+      for (int j = 0; j <= i; ++j) normal.H(i, j) = sum(H[row][static_cast<std::size_t>(j)]);
+      normal.g(i) = sum(g[row]);
+    }
+    normal.count = static_cast<std::size_t>(sum(count) + 0.5);
+  }
+
+  // One flow, however far off.
+  void add_to(Normal& normal, const Flow& f, const Eigen::Isometry3d& T) const {
     const Eigen::Vector3d q = T * f.from.cast<double>();
     if (q.z() < 0.2) return;
     const double z = q.z(), x = q.x() / z, y = q.y() / z;
     const double fx = current_.fx, fy = current_.fy;
     const Eigen::Vector2d e(fx * x + current_.cx - f.u, fy * y + current_.cy - f.v);
-    const double share = e.squaredNorm() / (max_error_px * max_error_px);
-    if (share >= 1) return;
-    Eigen::Matrix<double, 2, 6> J;
-    J << fx / z, 0, -fx * x / z, -fx * x * y, fx * (1 + x * x), -fx * y,  //
-        0, fy / z, -fy * y / z, -fy * (1 + y * y), fy * x * y, fy * x;
-    const double weight = f.area * (1 - share) * (1 - share);
-    for (int i = 0; i < 6; ++i) {
-      const double a = weight * J(0, i), b = weight * J(1, i);
-      for (int j = 0; j <= i; ++j) normal.H(i, j) += a * J(0, j) + b * J(1, j);
+    const double ju[6] = {fx / z, 0, -fx * x / z, -fx * x * y, fx * (1 + x * x), -fx * y};
+    const double jv[6] = {0, fy / z, -fy * y / z, -fy * (1 + y * y), fy * x * y, fy * x};
+    const double weight = f.area;
+    const double a0 = weight * ju[0], b1 = weight * jv[1];
+    normal.H(0, 0) += a0 * ju[0], normal.g(0) += a0 * e.x();
+    normal.H(1, 1) += b1 * jv[1], normal.g(1) += b1 * e.y();
+    for (int i = 2; i < 6; ++i) {
+      const double a = weight * ju[i], b = weight * jv[i];
+      normal.H(i, 0) += a * ju[0], normal.H(i, 1) += b * jv[1];
+      for (int j = 2; j <= i; ++j) normal.H(i, j) += a * ju[j] + b * jv[j];
       normal.g(i) += a * e.x() + b * e.y();
     }
     ++normal.count;
@@ -457,6 +575,7 @@ class CameraMotion {
   Eigen::Isometry3d last_motion_ = Eigen::Isometry3d::Identity();
   double usual_support_ = 1;
   std::vector<Flow> flows_;
+  std::vector<Block> blocks_;  // the same, four side by side
   std::vector<Eigen::Vector2f> errors_, other_errors_;
   std::vector<std::pair<float, float>> sorted_;  // error and area
   std::vector<Dissent> dissents_;

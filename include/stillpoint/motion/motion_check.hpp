@@ -103,6 +103,7 @@ class MotionCheck {
       camera_motion_.reset();
       return found_;
     }
+    const bool measured = view_.any_measured();
     size_ = frame.color.size();
     motion_ = choose_motion(frame, T_current_last);
     if (!motion_ && !memory_.empty()) reset();
@@ -113,7 +114,10 @@ class MotionCheck {
     }
     current_.set(view_, settings_.block_px);
     judged_ = true;
-    memory_.judge(frame.timestamp, T_world_camera_, current_, evidence_);
+    if (measured)
+      memory_.judge(frame.timestamp, T_world_camera_, current_, evidence_);
+    else
+      evidence_.assign(current_.size(), CellEvidence::kUnknown);
     if (seen_motion_ && seen_motion_->support > 0.5) hear_dissents(T_current_last);
     grow();
     return found_;

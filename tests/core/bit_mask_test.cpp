@@ -1,0 +1,71 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "stillpoint/core/bit_mask.hpp"
+
+#include <gtest/gtest.h>
+
+#include <vector>
+
+#include "stillpoint/core/random.hpp"
+
+namespace {
+
+using namespace stillpoint;
+
+TEST(BitMask, TakesMasksAtAnyPlaceAndGivesThemBack) {
+  RandomGenerator random(5);
+  for (int k = 0; k < 300; ++k) {
+    const int width = 1 + static_cast<int>(random.below(200));
+    const int x = static_cast<int>(random.below(static_cast<std::size_t>(width)));
+    const int n = 1 + static_cast<int>(random.below(static_cast<std::size_t>(width - x)));
+    detail::BitMask bits;
+    bits.reset({width, 3});
+    // Whatever is not zero counts.
+    cv::Mat mask = cv::Mat::zeros(1, n, CV_8UC1);
+    const std::size_t share = random.below(4);
+    for (int i = 0; i < n; ++i)
+      if (random.below(3) < share) mask.at<uchar>(0, i) = static_cast<uchar>(1 + random.below(255));
+    bits.add(mask, {x, 1, n, 1});
+    std::vector<uchar> row(static_cast<std::size_t>(width) + 1, 7);
+    detail::unpack(bits.row(1), 0, static_cast<std::size_t>(width), row.data());
+    int set = 0;
+    for (int i = 0; i < width; ++i) {
+      const bool expected = i >= x && i < x + n && mask.at<uchar>(0, i - x) != 0;
+      ASSERT_EQ(row[static_cast<std::size_t>(i)], expected ? 255 : 0)
+          << "case " << k << " at " << i;
+      set += expected;
+    }
+    EXPECT_EQ(row.back(), 7) << "wrote beyond the row";
+    int counted = 0;
+    std::vector<uchar> runs(static_cast<std::size_t>(width), 0);
+    std::vector<std::uint64_t> words(bits.row(1), bits.row(1) + bits.words());
+    for (const std::uint64_t word : words) counted += detail::count_bits(word);
+    EXPECT_EQ(counted, set);
+    detail::for_each_run(words, [&](int begin, int end) {
+      for (int i = begin; i < end; ++i) runs[static_cast<std::size_t>(i)] = 255;
+      EXPECT_TRUE(begin == 0 || row[static_cast<std::size_t>(begin) - 1] == 0);
+      EXPECT_TRUE(end == width || row[static_cast<std::size_t>(end)] == 0);
+    });
+    row.pop_back();
+    EXPECT_EQ(runs, row);
+    for (const int y : {0, 2})
+      for (std::size_t i = 0; i < bits.words(); ++i) EXPECT_EQ(bits.row(y)[i], 0u);
+    const int from = static_cast<int>(random.below(static_cast<std::size_t>(width)));
+    std::vector<uchar> part(static_cast<std::size_t>(width - from));
+    detail::unpack(bits.row(1), static_cast<std::size_t>(from), part.size(), part.data());
+    EXPECT_EQ(part, std::vector<uchar>(row.begin() + from, row.end()));
+  }
+}
+
+TEST(BitMask, ABoxAloneIsFull) {
+  for (const int width : {1, 63, 64, 65, 200}) {
+    detail::BitMask bits;
+    bits.reset({width + 7, 2});
+    bits.add(cv::Mat(), {5, 0, width, 1});
+    std::vector<uchar> row(static_cast<std::size_t>(width) + 7);
+    detail::unpack(bits.row(0), 0, row.size(), row.data());
+    for (int i = 0; i < width + 7; ++i)
+      EXPECT_EQ(row[static_cast<std::size_t>(i)], i >= 5 && i < width + 5 ? 255 : 0);
+  }
+}
+
+}  // namespace
