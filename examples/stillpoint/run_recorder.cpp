@@ -17,15 +17,8 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-/// Variance of the Laplacian; low for a blurred picture.
-double sharpness(const cv::Mat& color) {
-  cv::Mat gray = color, laplacian;
-  if (gray.channels() == 3) cv::cvtColor(color, gray, cv::COLOR_BGR2GRAY);
-  cv::Laplacian(gray, laplacian, CV_16S);
-  cv::Scalar mean, deviation;
-  cv::meanStdDev(laplacian, mean, deviation);
-  return deviation[0] * deviation[0];
-}
+/// A picture without edges is no blurred one.
+double sharpness(const Blur& blur) { return std::isnan(blur.sharpness) ? 1 : blur.sharpness; }
 
 }  // namespace
 
@@ -123,7 +116,7 @@ void RunRecorder::add(const Pipeline& pipeline, const RgbdFrame& frame, const st
   r.tracked = pipeline.pose().has_value();
   r.keypoints = static_cast<int>(pipeline.keypoints().size());
   r.kept = static_cast<int>(pipeline.selection().kept.size());
-  r.sharpness = sharpness(frame.color);
+  r.blur = pipeline.uses_front_end() ? pipeline.stats().blur : blur_.measure(frame, {}).whole;
   if (pipeline.uses_front_end()) {
     const FrameStats& stats = pipeline.stats();
     r.status = stats.status;
@@ -165,7 +158,7 @@ std::vector<double> RunRecorder::timestamps() const {
 void RunRecorder::summarize(Json& stats, bool front_end) const {
   StageTiming timing;
   std::map<std::string, int> status;
-  MeanOfNumbers extracted, kept, share, restored;
+  MeanOfNumbers extracted, kept, share, restored, sharp_mean, motion;
   KeypointMetrics tracked_keypoints, judged_keypoints;
   std::vector<double> sharp;
   for (const Record& r : records_) {
@@ -184,7 +177,9 @@ void RunRecorder::summarize(Json& stats, bool front_end) const {
     restored.add(r.restored);
     tracked_keypoints += r.tracked_keypoints;
     judged_keypoints += r.judged_keypoints;
-    if (r.has_truth) sharp.push_back(r.sharpness);
+    sharp_mean.add(r.blur.sharpness);
+    motion.add(r.blur.motion_px);
+    if (r.has_truth) sharp.push_back(sharpness(r.blur));
   }
   for (const std::string& stage : timing.stages()) {
     const TimingSummary t = timing.summary(stage);
@@ -201,6 +196,7 @@ void RunRecorder::summarize(Json& stats, bool front_end) const {
                              {"frames", i - first},
                              {"found_again", i < records_.size()}});
   }
+  stats["blur"] = {{"sharpness", sharp_mean.value()}, {"motion_px", motion.value()}};
   stats["status"] = Json::object();
   for (const auto& [name, count] : status) stats["status"][name] = count;
 
@@ -230,7 +226,7 @@ void RunRecorder::summarize(Json& stats, bool front_end) const {
     for (const Record& r : records_) {
       if (!r.has_truth) continue;
       all.add(after ? r.after : r.before);
-      if (r.sharpness <= blurred_below) blurred.add(after ? r.after : r.before);
+      if (sharpness(r.blur) <= blurred_below) blurred.add(after ? r.after : r.before);
     }
     const std::string suffix = after ? "_after" : "_before";
     masks["iou" + suffix] = all.mean_iou();
@@ -247,7 +243,8 @@ Json RunRecorder::series(bool front_end) const {
   Json out;
   for (const Record& r : records_) {
     out["t_s"].push_back(rounded(r.timestamp - records_.front().timestamp, 1e6));
-    out["sharpness"].push_back(rounded(r.sharpness, 100));
+    out["sharpness"].push_back(rounded(r.blur.sharpness, 1e3));
+    if (front_end) out["motion_px"].push_back(rounded(r.blur.motion_px, 100));
     if (front_end) out["mask_share"].push_back(rounded(r.mask_share, 1e5));
     if (any_truth_)
       out["true_mask_share"].push_back(r.has_truth ? Json(rounded(r.true_share, 1e5)) : Json());

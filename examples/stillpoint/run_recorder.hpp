@@ -14,6 +14,7 @@
 #include "run_job.hpp"
 #include "stillpoint/evaluation/keypoint_metrics.hpp"
 #include "stillpoint/evaluation/mask_metrics.hpp"
+#include "stillpoint/motion/blur_meter.hpp"
 
 namespace stillpoint::cli {
 
@@ -77,9 +78,9 @@ class RunRecorder {
   const std::string& segmenter_error() const { return segmenter_error_; }
   std::size_t segmenter_errors() const { return segmenter_errors_; }
 
-  /// Adds lost, masks, keypoints, times_ms and status to `stats`.
+  /// Adds lost, blur, masks, keypoints, times_ms and status to `stats`.
   void summarize(nlohmann::ordered_json& stats, bool front_end) const;
-  /// Curves over time: t_s, sharpness, mask_share, true_mask_share, kept; with masks_gt iou_before,
+  /// Curves over time: t_s, sharpness, motion_px (Blur of the picture), mask_share, true_mask_share, kept; with masks_gt iou_before,
   /// iou_after, missed_before, missed_after (share of the people's pixels that the mask lacks).
   nlohmann::ordered_json series(bool front_end) const;
 
@@ -90,13 +91,15 @@ class RunRecorder {
     std::uint32_t status = 0;
     bool tracked = false, has_truth = false;
     int keypoints = 0, kept = 0, restored = 0;
-    double mask_share = 0, true_share = 0, sharpness = 0;
+    double mask_share = 0, true_share = 0;
+    Blur blur;
     BinaryCounts before, after;
     /// Of the tracker's own keypoints, and of those of the whole picture.
     KeypointMetrics tracked_keypoints, judged_keypoints;
   };
 
   std::filesystem::path truth_dir_;
+  BlurMeter blur_;  // where the front end is off: the sharpness alone
   cv::Mat truth_;
   std::vector<Record> records_;
   std::string segmenter_error_;

@@ -228,11 +228,14 @@ void change_setting(FrontEndSettings& settings, const std::string& name, double 
   offer("search_px", settings.compensation.search_px);
   offer("min_depth_support", settings.compensation.min_depth_support);
   offer("max_restored_frames", settings.compensation.max_restored_frames);
+  offer("sharp_px", settings.compensation.sharp_px);
   offer("max_prediction_s", settings.compensation.max_prediction_s);
   offer("cell_px", settings.depth.cell_px);
   offer("range_m", settings.depth.range_m);
   offer("growth_m", settings.depth.growth_m);
   offer("dilation_px", settings.depth.dilation_px);
+  offer("dilation_per_blur_px", settings.depth.dilation_per_blur_px);
+  offer("exposure_s", settings.blur.exposure_s);
   offer("radius_px", settings.probability.radius_px);
   offer("weight", settings.probability.weight);
   offer("decay_per_px", settings.probability.decay_per_px);

@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "stillpoint/core/blur.hpp"
 #include "stillpoint/core/camera.hpp"
 #include "stillpoint/core/frame.hpp"
 #include "stillpoint/core/instance.hpp"
@@ -19,6 +20,7 @@
 #include "stillpoint/depth/depth_mask_fuser.hpp"
 #include "stillpoint/keypoints/grid_neighbor_search.hpp"
 #include "stillpoint/keypoints/probabilistic_keypoint_filter.hpp"
+#include "stillpoint/motion/blur_meter.hpp"
 #include "stillpoint/motion/motion_check.hpp"
 #include "stillpoint/segmentation/dynamic_class.hpp"
 #include "stillpoint/segmentation/forward_predictor.hpp"
@@ -34,6 +36,7 @@ struct FrontEndSettings {
   KeypointFilterSettings probability;
   MotionCheckSettings motion;
   LateSegmentationSettings late;
+  BlurMeterSettings blur;
   bool use_compensation = true;
   bool use_depth = true;
   bool use_probability = true;
@@ -70,6 +73,9 @@ struct FrameStats {
   std::uint32_t status = kOk;
   /// Message of the exception that the segmenter threw; empty if it did not.
   std::string segmenter_error;
+  /// The picture's motion blur; that of each object is in FrontEnd::instances(). Measuring it is
+  /// counted with the compensation.
+  Blur blur;
   double segmentation_ms = 0, motion_ms = 0, compensation_ms = 0, depth_ms = 0, probability_ms = 0;
   /// Instances of dynamic classes after compensation, and how many of them were restored.
   int instances = 0, restored = 0;
@@ -101,6 +107,7 @@ class BasicFrontEnd {
       : settings_(settings),
         segmenter_(segmenter),
         motion_(settings.motion, camera),
+        blur_(settings.blur, camera),
         predictor_(settings.late, settings.compensation, camera),
         compensator_(settings.compensation, camera),
         fuser_(settings.depth, camera),
@@ -188,7 +195,7 @@ class BasicFrontEnd {
   }
   /// The mask after compensation and depth fusion, before dilation.
   const cv::Mat& undilated_mask() const { return fuser_.undilated(); }
-  /// The objects of the last frame with their final masks, before dilation.
+  /// The objects of the last frame with their final masks, before dilation, and their blur.
   const std::vector<Instance>& instances() const { return fuser_.instances(); }
   /// What was done with the last frame.
   const FrameStats& stats() const { return stats_; }
@@ -218,11 +225,15 @@ class BasicFrontEnd {
     stats_.motion_ms = milliseconds_since(start);
 
     start = Clock::now();
+    const PictureBlur& blur = blur_.measure(frame, T);
     keep_dynamic(frame, segmentation, T);
     stats_.moving = movers ? static_cast<int>(movers->size()) : 0;
     if (movers) dynamic_.instances.insert(dynamic_.instances.end(), movers->begin(), movers->end());
     const Segmentation* instances = &dynamic_;  // the segmenter's and the movers
-    if (settings_.use_compensation) instances = &compensator_.mend(frame, dynamic_, T);
+    if (settings_.use_compensation)
+      instances = &compensator_.mend(frame, dynamic_, T, &blur);
+    else
+      for (Instance& s : dynamic_.instances) s.blur = blur.in(s.box);
     stats_.compensation_ms = milliseconds_since(start);
 
     start = Clock::now();
@@ -267,6 +278,7 @@ class BasicFrontEnd {
 
   void report(const RgbdFrame& frame, std::size_t instances) {
     stats_.timestamp = frame.timestamp;
+    stats_.blur = blur_.blur().whole;
     stats_.status = fuser_.status() | predictor_.status();
     stats_.restored = 0;
     if (settings_.use_compensation) {
@@ -286,6 +298,7 @@ class BasicFrontEnd {
   Settings settings_;
   Segmenter* segmenter_;
   MotionCheck motion_;
+  BlurMeter blur_;
   ForwardPredictor predictor_;
   SegmentationCompensator compensator_;
   DepthMaskFuser fuser_;

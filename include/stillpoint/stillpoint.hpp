@@ -26,6 +26,7 @@
 #include "stillpoint/keypoints/grid_neighbor_search.hpp"
 #include "stillpoint/keypoints/probabilistic_keypoint_filter.hpp"
 #include "stillpoint/mapping/dense_map.hpp"
+#include "stillpoint/motion/blur_meter.hpp"
 #include "stillpoint/motion/constant_velocity.hpp"
 #include "stillpoint/motion/motion_check.hpp"
 #include "stillpoint/segmentation/detection_thread.hpp"

@@ -512,6 +512,48 @@ TEST_P(DepthMaskFuserMethods, RefusesBadInput) {
   EXPECT_NO_THROW(f.fuse(room().frame(1, {kPerson}), result(instances())));
 }
 
+Blur blurred_by(double motion_px, double sharpness = 0.4) {
+  Blur blur;
+  blur.motion_px = motion_px, blur.sharpness = sharpness;
+  return blur;
+}
+
+TEST(DepthMaskFuser, DilatesEachInstanceByItsBlur) {
+  Settings settings;
+  settings.dilation_px = 4;
+  settings.dilation_per_blur_px = 0.5;
+  DepthMaskFuser fuser(settings, room().camera());
+  const Figure other{{240, 90, 30, 80}, 2.0f, 2};
+  const RgbdFrame frame = room().frame(0, {kPerson, other});
+  const auto at_sides = [](const cv::Mat& mask, const cv::Rect& box) {
+    // How far the mask reaches beyond the box on the left.
+    const cv::Mat row = mask.row(box.y + box.height / 2);
+    int x = box.x;
+    while (x > 0 && row.ptr()[x - 1]) --x;
+    return box.x - x;
+  };
+  struct Case {
+    Blur blur;
+    int expected;
+  };
+  for (const Case& c : {Case{Blur(), 4}, Case{blurred_by(0), 4}, Case{blurred_by(6), 7},
+                        Case{blurred_by(6, std::nan("")), 7},
+                        Case{blurred_by(6, 0.95), 4},   // the picture is sharp all the same
+                        Case{blurred_by(1000), 14}}) {  // bounded
+    Instance person = box_instance(kPerson.box, frame.color.size());
+    person.blur = c.blur;
+    const DynamicMask& mask =
+        fuser.fuse(frame, result({person, box_instance(other.box, frame.color.size())}));
+    EXPECT_EQ(at_sides(mask.image, kPerson.box) - at_sides(fuser.undilated(), kPerson.box),
+              c.expected);
+    EXPECT_EQ(at_sides(mask.image, other.box) - at_sides(fuser.undilated(), other.box), 4);
+    EXPECT_EQ(std::isnan(fuser.instances()[0].blur.motion_px), std::isnan(c.blur.motion_px));
+    // All of it is gone in the next frame.
+    EXPECT_EQ(pixels(fuser.fuse(frame, result({})).image), 0);
+  }
+  EXPECT_EQ(Settings::paper().dilation_of(blurred_by(20)), 10) << "the paper knows no blur";
+}
+
 TEST(DepthMaskFuser, RefusesSettingsWithoutSense) {
   Settings s;
   for (const int bad : {0, -1, 65}) {
@@ -527,6 +569,10 @@ TEST(DepthMaskFuser, RefusesSettingsWithoutSense) {
   for (const int bad : {-1, 101}) {
     s = Settings(), s.dilation_px = bad;
     EXPECT_ERROR(DepthMaskFuser{s}, "dilation_px", "0 to 100");
+  }
+  for (const double bad : {-0.1, 10.5, std::nan("")}) {
+    s = Settings(), s.dilation_per_blur_px = bad;
+    EXPECT_ERROR(DepthMaskFuser{s}, "dilation_per_blur_px", "0 to 10");
   }
 }
 

@@ -286,6 +286,49 @@ TEST(SegmentationCompensator, ForgetsAfterTooManyMisses) {
   EXPECT_EQ(show.show(t + 0.033, {}, {walker}).instances.size(), 1u);
 }
 
+TEST(SegmentationCompensator, MissesInSharpPicturesCountTwice) {
+  // 90 pixels a second: 3 from frame to frame.
+  const Walker walker{60, 80, 90, 0};
+  // How many misses are mended, with blur measured or not.
+  const auto mended = [&](const PictureBlur* blur, const Settings& settings = {}) {
+    Show show(settings);
+    double t = 0;
+    int restored = 0;
+    for (int i = 0; i < 20; ++i, t += 1 / 30.0) {
+      const bool seen = i < 5;
+      const Segmentation& out = show.compensator.mend(
+          show.scene.frame(kStart + t, {walker.at(t)}),
+          result(seen ? std::vector<Instance>{box_instance(walker.at(t).box, show.scene.size)}
+                      : std::vector<Instance>()),
+          {}, blur);
+      if (!seen) restored += static_cast<int>(out.instances.size());
+      for (const Instance& s : out.instances) {
+        EXPECT_EQ(std::isnan(s.blur.motion_px), !blur || std::isnan(blur->exposure_share));
+        if (i > 2 && !std::isnan(s.blur.motion_px)) {
+          EXPECT_NEAR(s.blur.motion_px, 3 * blur->exposure_share, blur->exposure_share) << i;
+        }
+      }
+      show.compensator.remember(show.scene.frame(kStart + t, {walker.at(t)}), out.instances);
+    }
+    return restored;
+  };
+  PictureBlur blur;
+  EXPECT_EQ(mended(nullptr), 8);
+  EXPECT_EQ(mended(&blur), 8) << "nothing is known";
+  blur.exposure_share = 0.5;
+  EXPECT_EQ(mended(&blur), 4) << "1.5 pixels";
+  Settings settings;
+  settings.sharp_px = 1;
+  EXPECT_EQ(mended(&blur, settings), 8);
+  settings.sharp_px = 0;
+  EXPECT_EQ(mended(&blur, settings), 8);
+  blur.exposure_share = 3;
+  EXPECT_EQ(mended(&blur), 8) << "9 pixels";
+  blur.whole.sharpness = 0.95;
+  EXPECT_EQ(mended(&blur), 4) << "but the edges are sharp";
+  EXPECT_EQ(Settings::paper().sharp_px, 0);
+}
+
 TEST(SegmentationCompensator, ForgetsAfterTooLongATime) {
   const Walker walker{140, 80, 0, 0};
   Settings settings;
@@ -627,6 +670,8 @@ TEST(SegmentationCompensator, RefusesSettingsWithoutSense) {
   EXPECT_ERROR(SegmentationCompensator{s}, "search_px");
   s = Settings(), s.max_restored_frames = -1;
   EXPECT_ERROR(SegmentationCompensator{s}, "max_restored_frames");
+  s = Settings(), s.sharp_px = -1;
+  EXPECT_ERROR(SegmentationCompensator{s}, "sharp_px");
   s = Settings(), s.max_prediction_s = std::nan("");
   EXPECT_ERROR(SegmentationCompensator{s}, "max_prediction_s");
   s = Settings(), s.max_speed_m_s = -1;

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "stillpoint/core/blur.hpp"
 #include "stillpoint/core/error.hpp"
 #include "stillpoint/core/frame.hpp"
 
@@ -26,6 +27,8 @@ struct Instance {
   /// Distance at which the object is expected, metres; 0: not known. Segmenters leave it alone, the
   /// compensator fills it in for objects that it remembers.
   float depth_m = 0;
+  /// Motion blur in the frame. Segmenters leave it alone, the front end fills it in.
+  Blur blur;
 };
 
 /// What a segmenter says of one frame.

@@ -48,7 +48,8 @@ class DepthMaskFuser {
 
   /// Fuses one frame. Without depth, or with `use_depth` false, the mask is the union of the
   /// instances' masks (of their boxes, where they have none), and status() says kNoDepth. Throws
-  /// Error if instances do not fit the picture. `widening_px` is added to the dilation.
+  /// Error if instances do not fit the picture. The dilation of each instance grows with its blur;
+  /// `widening_px` is added to all.
   const DynamicMask& fuse(const RgbdFrame& frame, const Segmentation& segmentation,
                           bool use_depth = true, int widening_px = 0) {
     check_frame(frame);
@@ -57,7 +58,7 @@ class DepthMaskFuser {
     mask_.timestamp = frame.timestamp;
     mask_.age_s = 0;
     union_.reset(size);
-    const int dilation_px = settings_.dilation_px + std::max(0, widening_px);
+    widening_px = std::max(0, widening_px);
     const std::size_t n = segmentation.instances.size();
     const bool has_depth = use_depth && !frame.depth.empty();
     status_ = frame.depth.empty() ? kNoDepth : kOk;
@@ -76,9 +77,14 @@ class DepthMaskFuser {
         fused_[i] = segmentation.instances[i];
         union_.add(fused_[i].mask, fused_[i].box);
       }
+      fused_[i].blur = segmentation.instances[i].blur;
       region |= fused_[i].box;
     }
-    write(region, dilation_px);
+    write(region, settings_.dilation_px + widening_px);
+    for (const Instance& s : fused_)
+      if (const int dilation_px = settings_.dilation_of(s.blur);
+          dilation_px > settings_.dilation_px)
+        widen(s, dilation_px + widening_px);
     return mask_;
   }
 
@@ -121,6 +127,22 @@ class DepthMaskFuser {
     });
   }
 
+  // Adds an instance that is dilated more than the others.
+  void widen(const Instance& instance, int dilation_px) {
+    one_.reset(union_.size());
+    one_.add(instance.mask, instance.box);
+    const cv::Rect grown = grow_rect(instance.box, dilation_px, one_.size());
+    grown_px_ |= grown;
+    dilation_.run(one_, instance.box, dilation_px, [&](int y, const std::uint64_t* row) {
+      uchar* to = mask_.image.ptr<uchar>(y);
+      for (int x = dilation_.left(); x < grown.x + grown.width; x += 64, ++row) {
+        int k = x;
+        for (std::uint64_t bits = *row; bits != 0; bits >>= 1, ++k)
+          if ((bits & 1) != 0 && to[k] == 0) to[k] = 255, ++covered_px_;
+      }
+    });
+  }
+
   // Only what the last frame wrote, and this one does not write, needs to be cleared.
   static void clear(cv::Mat& image, const cv::Rect& written, const cv::Rect& next) {
     for (int y = written.y; y < written.y + written.height; ++y) {
@@ -145,7 +167,7 @@ class DepthMaskFuser {
   DynamicMask mask_;
   std::vector<Instance> fused_;
   std::vector<std::vector<uchar>> buffers_;
-  detail::BitMask union_;          // of the instances
+  detail::BitMask union_, one_;    // of the instances, and of one of them
   cv::Rect region_px_, grown_px_;  // what the last frame wrote
   int covered_px_ = 0;
   detail::Dilation dilation_;

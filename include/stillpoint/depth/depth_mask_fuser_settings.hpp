@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <string>
 
+#include "stillpoint/core/blur.hpp"
 #include "stillpoint/core/error.hpp"
 
 namespace stillpoint {
@@ -25,6 +27,10 @@ struct DepthMaskFuserSettings {
   float growth_m = 0.3f;
   /// Half of the side of the dilation square, minus a half: 10 means (2 * 10 + 1)^2.
   int dilation_px = 10;
+  /// Pixels of dilation more for each pixel that an instance is blurred by, at most
+  /// kMostBlurDilationPx.
+  double dilation_per_blur_px = 0.5;
+  static constexpr double kMostBlurDilationPx = 10;
   /// Seed of the samples' places.
   std::uint64_t seed = 1;
 
@@ -34,6 +40,7 @@ struct DepthMaskFuserSettings {
     settings.method = Method::kPaper;
     settings.cell_px = 8;
     settings.range_m = 0.3f;
+    settings.dilation_per_blur_px = 0;
     return settings;
   }
 
@@ -47,6 +54,14 @@ struct DepthMaskFuserSettings {
     if (!(range_m > 0 && range_m < 100)) fail("range_m", "0 to 100 m", range_m);
     if (!(growth_m >= 0 && growth_m < 100)) fail("growth_m", "0 to 100 m", growth_m);
     if (dilation_px < 0 || dilation_px > 100) fail("dilation_px", "0 to 100", dilation_px);
+    if (!(dilation_per_blur_px >= 0 && dilation_per_blur_px <= 10))
+      fail("dilation_per_blur_px", "0 to 10", dilation_per_blur_px);
+  }
+  /// Half of the side of the dilation square of an instance with that blur.
+  int dilation_of(const Blur& blur) const {
+    return dilation_px +
+           static_cast<int>(
+               std::min(dilation_per_blur_px * blur.width_px(), double{kMostBlurDilationPx}) + 0.5);
   }
 };
 

@@ -38,7 +38,8 @@ class RememberedObject {
   float score = 1;
   /// Timestamp of the last frame in which the segmenter showed it.
   double seen_s = 0;
-  /// How many of the segmenter's results in a row had to be mended.
+  /// How many of the segmenter's results in a row had to be mended; those of sharp pictures may
+  /// count twice.
   int mended = 0;
   bool alive = true;
 
@@ -113,6 +114,7 @@ class RememberedObject {
     const Eigen::Vector2d at = c.hnormalized();
     affine_.leftCols<2>() = (H.topLeftCorner<2, 2>() - at * H.block<1, 2>(2, 0)) / c.z();
     affine_.col(2) = at - affine_.leftCols<2>() * Eigen::Vector2d(center_.x, center_.y);
+    way_px_ = (at - Eigen::Vector2d(center_.x, center_.y)).norm();
     if (places_ == 0) return;
     const TimedPoint& last = history_[places_ - 1];
     const cv::Point2d next = predict_on_line(history_.data(), places_, timestamp);
@@ -120,6 +122,7 @@ class RememberedObject {
     const double limit = max_speed_px_s * std::max(0.0, timestamp - last.timestamp);
     if (shift.norm() > limit) shift *= limit / shift.norm();
     affine_.col(2) += shift;
+    way_px_ = (at + shift - Eigen::Vector2d(center_.x, center_.y)).norm();
   }
 
   /// Where it is predicted, to be put back there.
@@ -205,6 +208,8 @@ class RememberedObject {
   const cv::Point2d& center() const { return center_; }
   float depth_m() const { return z_; }
   float predicted_depth_m() const { return predicted_z_; }
+  /// How far the last predict() carried its centre across the picture, pixels.
+  double way_px() const { return way_px_; }
 
  private:
   // The row of an instance's mask at row y and the left end of box_; null for a bare box.
@@ -287,6 +292,7 @@ class RememberedObject {
   std::vector<uchar> mask_;
   cv::Point2d center_;
   float z_ = 0, predicted_z_ = 0;
+  double way_px_ = 0;
   std::vector<Point> inside_, ring_;
   std::vector<float> depths_;
   TemplatePatch patch_;

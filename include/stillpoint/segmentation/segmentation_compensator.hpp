@@ -10,6 +10,7 @@
 #include <optional>
 #include <vector>
 
+#include "stillpoint/core/blur.hpp"
 #include "stillpoint/core/camera.hpp"
 #include "stillpoint/core/depth_view.hpp"
 #include "stillpoint/core/frame.hpp"
@@ -60,12 +61,16 @@ class SegmentationCompensator {
 
   /// The first half of compensate(), for callers that have better masks to remember: call
   /// remember() for the same frame before the next mend().
+  /// `blur` is the frame's, if it was measured: it tells how much a result says of what it misses,
+  /// and that of each instance is filled in.
   const Segmentation& mend(const RgbdFrame& frame, const Segmentation& segmentation,
-                           const std::optional<Eigen::Isometry3d>& T_current_last = std::nullopt) {
+                           const std::optional<Eigen::Isometry3d>& T_current_last = std::nullopt,
+                           const PictureBlur* blur = nullptr) {
     check_frame(frame);
     const cv::Size size = frame.color.size();
     check_segmentation(segmentation, size);
     begin(frame, segmentation);
+    blur_ = blur;
     for (RememberedObject& object : objects_)
       object.predict(frame.timestamp, camera_, T_current_last, max_speed_px(object, size));
     if (segmentation.available) {
@@ -74,6 +79,11 @@ class SegmentationCompensator {
       late_ = age_s_ > 0;
     }
     associate(size);
+    for (std::size_t i = 0; blur && i < given_; ++i) {
+      Instance& s = output_.instances[i];
+      s.blur =
+          owner_[i] < 0 ? blur->in(s.box) : blur_of(static_cast<std::size_t>(owner_[i]), s.box);
+    }
     const bool look = settings_.trigger == Settings::Trigger::kPerObject ||
                       !segmentation.available || area_dropped();
     for (std::size_t j = 0; j < objects_.size(); ++j) judge(frame, j, look);
@@ -238,7 +248,7 @@ class SegmentationCompensator {
     }
     // A segmenter says nothing of what it has no name for: only time ends that.
     if (output_.available && !object.class_name.empty() &&
-        ++object.mended > settings_.max_restored_frames) {
+        (object.mended += weight_of_miss(frame.color.size(), j)) > settings_.max_restored_frames) {
       object.alive = seen;
       object.mended = 0;
       return;
@@ -283,8 +293,21 @@ class SegmentationCompensator {
     }
     instance->box = area;
     instance->mask = mask;
+    if (blur_) instance->blur = blur_of(j, area);
     ++restored_;
     status_ |= kRestored;
+  }
+
+  // Who is missed in a sharp picture is not there, more likely than in a blurred one.
+  int weight_of_miss(const cv::Size& size, std::size_t j) const {
+    const bool sharp = instance_of_[j] < 0 && blur_ && settings_.sharp_px > 0 &&
+                       blur_of(j, objects_[j].predicted_box(size)).is_sharp(settings_.sharp_px);
+    return sharp ? 2 : 1;
+  }
+
+  // Of a remembered object that is in `box`.
+  Blur blur_of(std::size_t object, const cv::Rect& box) const {
+    return blur_->in(box, objects_[object].way_px());
   }
 
   static double area_of(const Instance& s) {
@@ -310,6 +333,7 @@ class SegmentationCompensator {
   Camera camera_;
   DepthView depth_;
   ObjectLocator locator_;
+  const PictureBlur* blur_ = nullptr;  // of the frame of mend()
   std::vector<RememberedObject> objects_;
   Segmentation output_;
   std::size_t given_ = 0;

@@ -36,6 +36,9 @@ struct SegmentationCompensatorSettings {
   /// How many results of the segmenter in a row may miss an object before it is forgotten. Objects
   /// without a class, of which a segmenter says nothing, are bounded by max_prediction_s alone.
   int max_restored_frames = 8;
+  /// A result that misses an object counts as two of them where the object would be blurred by
+  /// less than so many pixels: it is seldom missed there if it is there. 0: all count alike.
+  double sharp_px = 4;
   /// How long an object is carried along without being seen, where no results end it before.
   double max_prediction_s = 0.6;
   /// Bound on an object's own speed.
@@ -48,6 +51,7 @@ struct SegmentationCompensatorSettings {
     settings.history = 3;
     settings.corner_history = true;
     settings.use_depth = false;
+    settings.sharp_px = 0;
     return settings;
   }
 
@@ -62,6 +66,7 @@ struct SegmentationCompensatorSettings {
     if (history < 1 || history > 8) fail("history", "1 to 8", history);
     if (search_px < 0 || search_px > 1000) fail("search_px", "0 to 1000", search_px);
     if (max_restored_frames < 0) fail("max_restored_frames", "at least 0", max_restored_frames);
+    if (!(sharp_px >= 0)) fail("sharp_px", "at least 0", sharp_px);
     if (!(max_prediction_s >= 0)) fail("max_prediction_s", "at least 0", max_prediction_s);
     if (!(max_speed_m_s >= 0)) fail("max_speed_m_s", "at least 0", max_speed_m_s);
   }
