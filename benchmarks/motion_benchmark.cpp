@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: BSD-2-Clause
-// MotionCheck alone, per frame; and the camera's motion, the greater part of it.
+// MotionCheck alone, per frame; and the camera's motion, the greater part of it. And the blur.
 #include <benchmark/benchmark.h>
 
 #include "scene.hpp"
+#include "stillpoint/motion/blur_meter.hpp"
 #include "stillpoint/motion/camera_motion.hpp"
 #include "stillpoint/motion/motion_check.hpp"
 
@@ -53,6 +54,16 @@ void BM_CameraMotion(benchmark::State& state) {
   state.counters["corners"] = followed / static_cast<double>(state.iterations());
 }
 BENCHMARK(BM_CameraMotion)->Unit(benchmark::kMicrosecond);
+
+void BM_BlurMeter(benchmark::State& state) {
+  cv::setNumThreads(1);
+  const Scene& scene = rendered_scene();
+  BlurMeter meter(BlurMeterSettings(), scene.camera);
+  Player player(scene);
+  const Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+  for (auto _ : state) benchmark::DoNotOptimize(meter.measure(player.next(), T).whole.sharpness);
+}
+BENCHMARK(BM_BlurMeter)->Unit(benchmark::kMicrosecond);
 
 }  // namespace
 }  // namespace bench

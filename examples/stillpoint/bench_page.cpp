@@ -232,14 +232,16 @@ std::string trajectory_plots(const std::vector<const Json*>& shown) {
 }
 
 std::string time_plots(const std::vector<const Json*>& shown) {
-  Plot error, mask, blur;
+  Plot error, mask, blur, motion;
   error.title = "Position error over time (gaps: no pose)";
   error.y_label = "error [m], log scale";
   error.log_y = true;
   mask.title = "Share of the picture that is masked as dynamic";
   mask.y_label = "mask [%]";
-  blur.title = "Sharpness (variance of the Laplacian; low = blurred)";
+  blur.title = "Sharpness of the edges, against the sharpest of the last seconds (low = blurred)";
   blur.y_label = "sharpness";
+  motion.title = "Motion of the picture during the exposure";
+  motion.y_label = "motion [px]";
   for (std::size_t k = 0; k < shown.size(); ++k) {
     const Json* r = shown[k];
     const Json& series = (*r)["stats"]["series"];
@@ -255,6 +257,13 @@ std::string time_plots(const std::vector<const Json*>& shown) {
     if (blur.series.empty() && series.contains("sharpness"))
       blur.series.push_back(
           {"sharpness", "#7f7f7f", t, numbers(series["sharpness"]), 1.5, false, true, false});
+    if (motion.series.empty() && series.contains("motion_px")) {
+      motion.series.push_back({"predicted by the front end", "#7f7f7f", t,
+                               numbers(series["motion_px"]), 1.5, false, false, false});
+      if (series.contains("room_motion_px"))
+        motion.series.push_back(
+            {"true", "#333333", t, numbers(series["room_motion_px"]), 1.5, true, false, false});
+    }
     if (mask.series.empty() && series.contains("true_mask_share"))
       mask.series.push_back(
           {"people (masks_gt)", "#333333", t, share("true_mask_share"), 1.5, true, false, false});
@@ -263,9 +272,9 @@ std::string time_plots(const std::vector<const Json*>& shown) {
                              share("mask_share"), 1.5, false, false, false});
   }
   std::string out;
-  mask.y_from_zero = blur.y_from_zero = true;
+  mask.y_from_zero = blur.y_from_zero = motion.y_from_zero = true;
   blur.legend = false;
-  for (Plot* plot : {&error, &mask, &blur}) {
+  for (Plot* plot : {&error, &mask, &blur, &motion}) {
     plot->width = 1070;
     plot->height = plot == &error ? 320 : 220;
     plot->x_label = "time since the first frame [s]";

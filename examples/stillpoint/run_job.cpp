@@ -12,6 +12,8 @@
 //   map               voxels; with ground truth and masks_gt ghosts: those where people were and
 //                     nothing static is, and ghost_share
 //   real_time         only with --real-time-rate: dropped_frames (not in frames), their share
+//   blur              means over the frames: sharpness (0 to 1, against the sharpest of the last
+//                     seconds), motion_px (predicted, during the exposure)
 //   masks             against masks_gt, undilated; before = the segmenter's own, after = final;
 //                     means over the frames; _blurred: over the least sharp third
 //   keypoints         extracted, kept: per frame; with masks_gt kept_on_people (share of the kept),
@@ -81,6 +83,9 @@ Json settings_json(const RunSettings& s, const FrontEndSettings& f) {
           {"dilation_px", f.depth.dilation_px},
           {"range_m", f.depth.range_m},
           {"cell_px", f.depth.cell_px},
+          {"dilation_per_blur_px", f.depth.dilation_per_blur_px},
+          {"sharp_px", f.compensation.sharp_px},
+          {"exposure_s", f.blur.exposure_s},
           {"radius_px", f.probability.radius_px},
           {"weight", f.probability.weight},
           {"decay_per_px", f.probability.decay_per_px},
@@ -89,11 +94,17 @@ Json settings_json(const RunSettings& s, const FrontEndSettings& f) {
 }
 
 Json camera_json(const Camera& c) {
-  return {{"fx", c.fx}, {"fy", c.fy},
-          {"cx", c.cx}, {"cy", c.cy},
-          {"k1", c.k1}, {"k2", c.k2},
-          {"p1", c.p1}, {"p2", c.p2},
-          {"k3", c.k3}, {"depth_units_per_m", c.depth_units_per_m}};
+  return {{"fx", c.fx},
+          {"fy", c.fy},
+          {"cx", c.cx},
+          {"cy", c.cy},
+          {"k1", c.k1},
+          {"k2", c.k2},
+          {"p1", c.p1},
+          {"p2", c.p2},
+          {"k3", c.k3},
+          {"depth_units_per_m", c.depth_units_per_m},
+          {"exposure_s", c.exposure_s}};
 }
 
 /// How far the room and the people move during a frame's exposure, from a synthetic sequence's

@@ -80,8 +80,9 @@ class RunRecorder {
 
   /// Adds lost, blur, masks, keypoints, times_ms and status to `stats`.
   void summarize(nlohmann::ordered_json& stats, bool front_end) const;
-  /// Curves over time: t_s, sharpness, motion_px (Blur of the picture), mask_share, true_mask_share, kept; with masks_gt iou_before,
-  /// iou_after, missed_before, missed_after (share of the people's pixels that the mask lacks).
+  /// Curves over time: t_s, sharpness, motion_px (Blur of the picture), mask_share,
+  /// true_mask_share, kept; with masks_gt iou_before, iou_after, missed_before, missed_after (share
+  /// of the people's pixels that the mask lacks).
   nlohmann::ordered_json series(bool front_end) const;
 
  private:

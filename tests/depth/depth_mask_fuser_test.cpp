@@ -536,9 +536,9 @@ TEST(DepthMaskFuser, DilatesEachInstanceByItsBlur) {
     Blur blur;
     int expected;
   };
-  for (const Case& c : {Case{Blur(), 4}, Case{blurred_by(0), 4}, Case{blurred_by(6), 7},
-                        Case{blurred_by(6, std::nan("")), 7},
-                        Case{blurred_by(6, 0.95), 4},   // the picture is sharp all the same
+  for (const Case& c : {Case{Blur(), 4}, Case{blurred_by(0), 4}, Case{blurred_by(8), 4},
+                        Case{blurred_by(14), 7}, Case{blurred_by(14, std::nan("")), 7},
+                        Case{blurred_by(14, 0.95), 4},  // the picture is sharp all the same
                         Case{blurred_by(1000), 14}}) {  // bounded
     Instance person = box_instance(kPerson.box, frame.color.size());
     person.blur = c.blur;

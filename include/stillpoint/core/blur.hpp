@@ -23,10 +23,11 @@ struct Blur {
   /// exposure was shorter than is thought); 0 where it is not known.
   double width_px() const { return sharpness >= kSharp || std::isnan(motion_px) ? 0 : motion_px; }
 
-  /// Whether an object can hardly be missed for blur: it is known to be blurred by less than
-  /// `sharp_px` or, where the motion is not known, its edges are sharp.
+  /// Whether an object can hardly be missed for blur: it moves by less than `sharp_px` and its
+  /// edges are sharp, as far as either is known; false where nothing is known.
   bool is_sharp(double sharp_px) const {
-    return std::isnan(motion_px) ? sharpness >= kSharp : width_px() < sharp_px;
+    if (std::isnan(motion_px)) return sharpness >= kSharp;
+    return motion_px < sharp_px && !(sharpness < kSharp);
   }
 
   /// Edges of this sharpness speak against blur: those of pictures blurred by less than 4 pixels.

@@ -27,8 +27,8 @@ struct DepthMaskFuserSettings {
   float growth_m = 0.3f;
   /// Half of the side of the dilation square, minus a half: 10 means (2 * 10 + 1)^2.
   int dilation_px = 10;
-  /// Pixels of dilation more for each pixel that an instance is blurred by, at most
-  /// kMostBlurDilationPx.
+  /// An instance is dilated by at least this share of its blur: half of it is how far its outline
+  /// is smeared to either side. At most kMostBlurDilationPx more than dilation_px.
   double dilation_per_blur_px = 0.5;
   static constexpr double kMostBlurDilationPx = 10;
   /// Seed of the samples' places.
@@ -59,9 +59,9 @@ struct DepthMaskFuserSettings {
   }
   /// Half of the side of the dilation square of an instance with that blur.
   int dilation_of(const Blur& blur) const {
+    const double smeared_px = dilation_per_blur_px * blur.width_px() - dilation_px;
     return dilation_px +
-           static_cast<int>(
-               std::min(dilation_per_blur_px * blur.width_px(), double{kMostBlurDilationPx}) + 0.5);
+           static_cast<int>(std::max(0.0, std::min(smeared_px, double{kMostBlurDilationPx})) + 0.5);
   }
 };
 

@@ -36,8 +36,9 @@ struct SegmentationCompensatorSettings {
   /// How many results of the segmenter in a row may miss an object before it is forgotten. Objects
   /// without a class, of which a segmenter says nothing, are bounded by max_prediction_s alone.
   int max_restored_frames = 8;
-  /// A result that misses an object counts as two of them where the object would be blurred by
-  /// less than so many pixels: it is seldom missed there if it is there. 0: all count alike.
+  /// A result that misses an object counts as two of them where the object would move
+  /// by less than so many pixels during the exposure and the edges are sharp: who is there is
+  /// seldom missed then. 0: all count alike.
   double sharp_px = 4;
   /// How long an object is carried along without being seen, where no results end it before.
   double max_prediction_s = 0.6;
