@@ -140,7 +140,7 @@ std::vector<Plot> shutter_plots(const Json& rows) {
 std::vector<Plot> frame_plots(const std::vector<Json>& results) {
   const std::string people = "motion of the people during the exposure [px]",
                     room = "motion of the room during the exposure [px]",
-                    sharp = "sharpness of the edges (1: sharp)";
+                    sharp = "sharpness of the edges (low: blurred)";
   std::vector<Plot> plots{against_blur(results, "people_motion_px", people, "iou",
                                        "Mask IoU against true motion", "IoU before dilation"),
                           against_blur(results, "sharpness", sharp, "iou",

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <map>
 
 #include "overlay.hpp"
@@ -17,8 +18,17 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-/// A picture without edges is no blurred one.
-double sharpness(const Blur& blur) { return std::isnan(blur.sharpness) ? 1 : blur.sharpness; }
+/// Sharpness of the edges, 1: perfect steps; NaN: there are too few. Unlike Blur::sharpness it does
+/// not depend on earlier frames, so that sequences can be compared.
+double sharpness(const PictureBlur& blur) {
+  constexpr double kOfPerfectSteps = 1.0 / 6;
+  PictureBlur::Edges sum;
+  for (const PictureBlur::Edges& e : blur.blocks) {
+    sum.short_x += e.short_x, sum.long_x += e.long_x;
+    sum.short_y += e.short_y, sum.long_y += e.long_y;
+  }
+  return PictureBlur::ratio(sum) / kOfPerfectSteps;
+}
 
 }  // namespace
 
@@ -116,10 +126,12 @@ void RunRecorder::add(const Pipeline& pipeline, const RgbdFrame& frame, const st
   r.tracked = pipeline.pose().has_value();
   r.keypoints = static_cast<int>(pipeline.keypoints().size());
   r.kept = static_cast<int>(pipeline.selection().kept.size());
-  r.blur = pipeline.uses_front_end() ? pipeline.stats().blur : blur_.measure(frame, {}).whole;
+  r.sharpness = sharpness(blur_.measure(frame, {}));
+  r.motion_px = std::numeric_limits<double>::quiet_NaN();
   if (pipeline.uses_front_end()) {
     const FrameStats& stats = pipeline.stats();
     r.status = stats.status;
+    r.motion_px = stats.blur.motion_px;
     r.restored = stats.restored;
     r.mask_share = stats.mask_share;
     if (!stats.segmenter_error.empty() && segmenter_errors_++ == 0)
@@ -158,7 +170,7 @@ std::vector<double> RunRecorder::timestamps() const {
 void RunRecorder::summarize(Json& stats, bool front_end) const {
   StageTiming timing;
   std::map<std::string, int> status;
-  MeanOfNumbers extracted, kept, share, restored, sharp_mean, motion;
+  MeanOfNumbers extracted, kept, share, restored, sharpness_mean, motion;
   KeypointMetrics tracked_keypoints, judged_keypoints;
   std::vector<double> sharp;
   for (const Record& r : records_) {
@@ -177,9 +189,9 @@ void RunRecorder::summarize(Json& stats, bool front_end) const {
     restored.add(r.restored);
     tracked_keypoints += r.tracked_keypoints;
     judged_keypoints += r.judged_keypoints;
-    sharp_mean.add(r.blur.sharpness);
-    motion.add(r.blur.motion_px);
-    if (r.has_truth) sharp.push_back(sharpness(r.blur));
+    sharpness_mean.add(r.sharpness);
+    motion.add(r.motion_px);
+    if (r.has_truth) sharp.push_back(r.sharpness);
   }
   for (const std::string& stage : timing.stages()) {
     const TimingSummary t = timing.summary(stage);
@@ -196,7 +208,7 @@ void RunRecorder::summarize(Json& stats, bool front_end) const {
                              {"frames", i - first},
                              {"found_again", i < records_.size()}});
   }
-  stats["blur"] = {{"sharpness", sharp_mean.value()}, {"motion_px", motion.value()}};
+  stats["blur"] = {{"sharpness", sharpness_mean.value()}, {"motion_px", motion.value()}};
   stats["status"] = Json::object();
   for (const auto& [name, count] : status) stats["status"][name] = count;
 
@@ -226,7 +238,7 @@ void RunRecorder::summarize(Json& stats, bool front_end) const {
     for (const Record& r : records_) {
       if (!r.has_truth) continue;
       all.add(after ? r.after : r.before);
-      if (sharpness(r.blur) <= blurred_below) blurred.add(after ? r.after : r.before);
+      if (r.sharpness <= blurred_below) blurred.add(after ? r.after : r.before);
     }
     const std::string suffix = after ? "_after" : "_before";
     masks["iou" + suffix] = all.mean_iou();
@@ -243,8 +255,8 @@ Json RunRecorder::series(bool front_end) const {
   Json out;
   for (const Record& r : records_) {
     out["t_s"].push_back(rounded(r.timestamp - records_.front().timestamp, 1e6));
-    out["sharpness"].push_back(rounded(r.blur.sharpness, 1e3));
-    if (front_end) out["motion_px"].push_back(rounded(r.blur.motion_px, 100));
+    out["sharpness"].push_back(rounded(r.sharpness, 1e3));
+    if (front_end) out["motion_px"].push_back(rounded(r.motion_px, 100));
     if (front_end) out["mask_share"].push_back(rounded(r.mask_share, 1e5));
     if (any_truth_)
       out["true_mask_share"].push_back(r.has_truth ? Json(rounded(r.true_share, 1e5)) : Json());

@@ -80,9 +80,9 @@ class RunRecorder {
 
   /// Adds lost, blur, masks, keypoints, times_ms and status to `stats`.
   void summarize(nlohmann::ordered_json& stats, bool front_end) const;
-  /// Curves over time: t_s, sharpness, motion_px (Blur of the picture), mask_share,
-  /// true_mask_share, kept; with masks_gt iou_before, iou_after, missed_before, missed_after (share
-  /// of the people's pixels that the mask lacks).
+  /// Curves over time: t_s, sharpness (of the edges, 1: perfect steps), motion_px (predicted,
+  /// during the exposure), mask_share, true_mask_share, kept; with masks_gt iou_before, iou_after,
+  /// missed_before, missed_after (share of the people's pixels that the mask lacks).
   nlohmann::ordered_json series(bool front_end) const;
 
  private:
@@ -93,14 +93,14 @@ class RunRecorder {
     bool tracked = false, has_truth = false;
     int keypoints = 0, kept = 0, restored = 0;
     double mask_share = 0, true_share = 0;
-    Blur blur;
+    double sharpness = 0, motion_px = 0;
     BinaryCounts before, after;
     /// Of the tracker's own keypoints, and of those of the whole picture.
     KeypointMetrics tracked_keypoints, judged_keypoints;
   };
 
   std::filesystem::path truth_dir_;
-  BlurMeter blur_;  // where the front end is off: the sharpness alone
+  BlurMeter blur_;  // for the edges, also with the front end off
   cv::Mat truth_;
   std::vector<Record> records_;
   std::string segmenter_error_;
