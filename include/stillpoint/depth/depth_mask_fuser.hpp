@@ -48,7 +48,7 @@ class DepthMaskFuser {
 
   /// Fuses one frame. Without depth, or with `use_depth` false, the mask is the union of the
   /// instances' masks (of their boxes, where they have none), and status() says kNoDepth. Throws
-  /// Error if instances do not fit the picture. The dilation of each instance grows with its blur;
+  /// Error if instances do not fit the picture. Strongly blurred instances are dilated more;
   /// `widening_px` is added to all.
   const DynamicMask& fuse(const RgbdFrame& frame, const Segmentation& segmentation,
                           bool use_depth = true, int widening_px = 0) {
