@@ -238,7 +238,7 @@ std::string time_plots(const std::vector<const Json*>& shown) {
   error.log_y = true;
   mask.title = "Share of the picture that is masked as dynamic";
   mask.y_label = "mask [%]";
-  blur.title = "Sharpness of the edges (1 = perfect steps, low = blurred)";
+  blur.title = "Sharpness of the edges (about 1: perfect steps; low: blurred)";
   blur.y_label = "sharpness";
   motion.title = "Motion of the picture during the exposure";
   motion.y_label = "motion [px]";

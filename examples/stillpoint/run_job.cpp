@@ -12,8 +12,8 @@
 //   map               voxels; with ground truth and masks_gt ghosts: those where people were and
 //                     nothing static is, and ghost_share
 //   real_time         only with --real-time-rate: dropped_frames (not in frames), their share
-//   blur              means over the frames: sharpness (of the edges, 1: perfect steps), motion_px
-//                     (of the picture, predicted, during the exposure)
+//   blur              means over the frames: sharpness (of the edges, about 1: perfect steps),
+//                     motion_px (of the picture, predicted, during the exposure)
 //   masks             against masks_gt, undilated; before = the segmenter's own, after = final;
 //                     means over the frames; _blurred: over the least sharp third
 //   keypoints         extracted, kept: per frame; with masks_gt kept_on_people (share of the kept),

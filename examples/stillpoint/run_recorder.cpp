@@ -18,8 +18,8 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-/// Sharpness of the edges, 1: perfect steps; NaN: there are too few. Unlike Blur::sharpness it does
-/// not depend on earlier frames, so that sequences can be compared.
+/// Sharpness of the edges, about 1: perfect steps; NaN: there are too few. Unlike Blur::sharpness
+/// it does not depend on earlier frames, so that sequences can be compared.
 double sharpness(const PictureBlur& blur) {
   constexpr double kOfPerfectSteps = 1.0 / 6;
   PictureBlur::Edges sum;

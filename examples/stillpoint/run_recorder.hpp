@@ -80,7 +80,7 @@ class RunRecorder {
 
   /// Adds lost, blur, masks, keypoints, times_ms and status to `stats`.
   void summarize(nlohmann::ordered_json& stats, bool front_end) const;
-  /// Curves over time: t_s, sharpness (of the edges, 1: perfect steps), motion_px (predicted,
+  /// Curves over time: t_s, sharpness (of the edges, about 1: perfect steps), motion_px (predicted,
   /// during the exposure), mask_share, true_mask_share, kept; with masks_gt iou_before, iou_after,
   /// missed_before, missed_after (share of the people's pixels that the mask lacks).
   nlohmann::ordered_json series(bool front_end) const;
