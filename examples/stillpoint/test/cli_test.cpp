@@ -698,7 +698,7 @@ TEST_F(Cli, BenchStudiesDilationAndBlur) {
     EXPECT_NE(page.find(title), std::string::npos) << title;
   EXPECT_NE(text_of(path("study") / "blur.svg").find("exposure time"), std::string::npos);
   EXPECT_NE(text_of(path("study") / "settings.svg").find("dilation_px"), std::string::npos);
-  expect_error("bench walk --out b --vary dilation=3", 1, "dilation_px, radius_px");
+  expect_error("bench walk --out b --vary dilation=3", 1, "exposure_s, radius_px");
   expect_error("bench walk --out b --vary dilation_px=", 1, "NAME=NUMBER");
   expect_error("bench walk --out b --vary dilation_px", 1, "NAME=NUMBER");
 
