@@ -55,6 +55,7 @@ inline void or_bytes(const unsigned char* bytes, std::size_t n, std::size_t x, s
     or_bits(bits, x + i, row);
   }
   for (; i + 16 <= n; i += 16) or_bits(pack_16(bytes + i), x + i, row);
+  if (i < n && n >= 16) return or_bits(pack_16(bytes + n - 16), x + n - 16, row);  // some twice
   for (; i < n; ++i) or_bits(bytes[i] != 0, x + i, row);
 }
 
@@ -93,7 +94,8 @@ inline void unpack_word(std::uint64_t word, std::size_t n, unsigned char* to) {
   }
   std::size_t i = 0;
   for (; i + 8 <= n; i += 8) std::memcpy(to + i, kBitsToBytes.bytes[word >> i & 255].data(), 8);
-  if (i < n) std::memcpy(to + i, kBitsToBytes.bytes[word >> i & 255].data(), n - i);
+  if (i + 4 <= n) std::memcpy(to + i, kBitsToBytes.bytes[word >> i & 255].data(), 4), i += 4;
+  for (; i < n; ++i) to[i] = (word >> i & 1) != 0 ? 255 : 0;
 }
 
 /// Writes n pixels of a row from x on as bytes, 0 or 255.

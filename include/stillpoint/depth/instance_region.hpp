@@ -234,9 +234,10 @@ class InstanceRegion {
       const std::uint16_t* z = depth.row(y) + 64 * first_word_;
       for (std::size_t k = 0; k < words_; ++k, z += 64) {
         const std::uint64_t rim = (wide_[0][k] | wide_[1][k] | wide_[2][k]) & ~row[k] & columns_[k];
-        detail::for_each_bit(rim, [&](int i) {
-          if (z[i] == 0) row[k] |= std::uint64_t{1} << i;
-        });
+        std::uint64_t claimed = 0;  // hard to foresee: no branch
+        detail::for_each_bit(rim,
+                             [&](int i) { claimed |= static_cast<std::uint64_t>(z[i] == 0) << i; });
+        row[k] |= claimed;
         to[k] |= row[k];
       }
       detail::unpack(row, bit_of(area_.x), static_cast<std::size_t>(area_.width),
