@@ -37,7 +37,7 @@ struct BlurMeterSettings {
 
 /// Measures the motion blur of each picture, in two ways that know nothing of each other.
 ///
-/// The motion: how end the camera's motion carries 48 points of the picture during the exposure.
+/// The motion: how far the camera's motion carries 48 points of the picture during the exposure.
 /// The edges: where grey values differ over 12 pixels, how much of the difference lies in the 2
 /// pixels in the middle. A blur of w pixels spreads it over w pixels, so the share of its square
 /// sinks with 1 / w. Both sums are of the same edges: contrast cancels out. Lens and texture do
