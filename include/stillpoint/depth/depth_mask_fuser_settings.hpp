@@ -28,8 +28,8 @@ struct DepthMaskFuserSettings {
   /// Half of the side of the dilation square, minus a half: 10 means (2 * 10 + 1)^2.
   int dilation_px = 10;
   /// An instance is dilated by at least this share of its blur: half of it is how far its outline
-  /// is smeared to either side. At most kMostBlurDilationPx more than dilation_px.
-  double dilation_per_blur_px = 0.5;
+  /// is smeared to either side, 0: all alike. At most kMostBlurDilationPx more than dilation_px.
+  double dilation_per_blur_px = 0;
   static constexpr double kMostBlurDilationPx = 10;
   /// Seed of the samples' places.
   std::uint64_t seed = 1;
@@ -40,7 +40,6 @@ struct DepthMaskFuserSettings {
     settings.method = Method::kPaper;
     settings.cell_px = 8;
     settings.range_m = 0.3f;
-    settings.dilation_per_blur_px = 0;
     return settings;
   }
 
