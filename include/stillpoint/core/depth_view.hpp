@@ -47,19 +47,25 @@ class DepthView {
   void clear() { image_ = cv::Mat(); }
   bool empty() const { return image_.empty(); }
 
-  /// Whether any pixel is measured. Looks at one of each line of memory first: read once in order,
-  /// the picture is at hand for reads here and there, each of which would have to wait for it.
-  /// O(pixels / 32) unless it is black.
-  bool any_measured() const {
-    const int width = image_.cols;
+  /// Looks at one pixel of each line of memory of `part`; whether any of these is measured. Read
+  /// once in order, the part is at hand for reads here and there, each of which would have to wait
+  /// for it. O(pixels / 32).
+  bool glance(const cv::Rect& part) const {
     unsigned any = 0;
-    for (int y = 0; y < image_.rows; ++y) {
+    for (int y = part.y; y < part.y + part.height; ++y) {
       const std::uint16_t* z = row(y);
-      for (int x = 0; x < width; x += 32) any |= z[x];
+      for (int x = part.x; x < part.x + part.width; x += 32) any |= z[x];
     }
+    return any != 0;
+  }
+
+  /// Whether any pixel is measured. O(pixels / 32) unless it is black.
+  bool any_measured() const {
+    if (glance({cv::Point(), image_.size()})) return true;
+    unsigned any = 0;
     for (int y = 0; any == 0 && y < image_.rows; ++y) {
       const std::uint16_t* z = row(y);
-      for (int x = 0; x < width; ++x) any |= z[x];
+      for (int x = 0; x < image_.cols; ++x) any |= z[x];
     }
     return any != 0;
   }

@@ -64,7 +64,9 @@ class DepthMaskFuser {
     status_ = frame.depth.empty() ? kNoDepth : kOk;
     if (has_depth) {
       depth_.set(frame, camera_);
-      if (!depth_.any_measured()) status_ = kNoDepth;
+      bool measured = false;
+      for (const Instance& s : segmentation.instances) measured |= depth_.glance(s.box);
+      if (!measured && !depth_.any_measured()) status_ = kNoDepth;
       region_.begin_frame(depth_, segmentation.instances);
     }
     fused_.resize(n);
@@ -88,8 +90,23 @@ class DepthMaskFuser {
     return mask_;
   }
 
-  /// The mask of the last fuse() before dilation: H x W, CV_8UC1, 255 = dynamic.
-  const cv::Mat& undilated() const { return undilated_; }
+  /// The mask of the last fuse() before dilation: H x W, CV_8UC1, 255 = dynamic. The first call
+  /// after a fuse() writes it, O(pixels of the boxes), and the next fuse() overwrites it.
+  const cv::Mat& undilated() const {
+    if (undilated_up_to_date_) return undilated_;
+    undilated_up_to_date_ = true;
+    if (undilated_.size() != union_.size()) {
+      undilated_ = cv::Mat::zeros(union_.size(), CV_8UC1);
+    } else {
+      clear(undilated_, undilated_px_, region_px_);
+    }
+    undilated_px_ = region_px_;
+    const cv::Rect& r = region_px_;
+    for (int y = r.y; y < r.y + r.height; ++y)
+      detail::unpack(union_.row(y), static_cast<std::size_t>(r.x),
+                     static_cast<std::size_t>(r.width), undilated_.ptr<uchar>(y) + r.x);
+    return undilated_;
+  }
   /// The instances of the last fuse() with their new masks (before dilation), in the order given.
   /// Their masks are overwritten by the next fuse().
   const std::vector<Instance>& instances() const { return fused_; }
@@ -101,21 +118,16 @@ class DepthMaskFuser {
   std::uint32_t status() const { return status_; }
 
  private:
-  // Writes the union of the instances, all of which lie in `region`, and its dilation as bytes.
+  // Writes the dilated union of the instances, all of which lie in `region`, as bytes.
   void write(const cv::Rect& region, int dilation_px) {
     const cv::Size size = union_.size();
     const cv::Rect grown = region.empty() ? region : grow_rect(region, dilation_px, size);
-    if (undilated_.size() != size) {
-      undilated_ = cv::Mat::zeros(size, CV_8UC1);
+    if (mask_.image.size() != size)
       mask_.image = cv::Mat::zeros(size, CV_8UC1);
-    } else {
-      clear(undilated_, region_px_, region);
+    else
       clear(mask_.image, grown_px_, grown);
-    }
     region_px_ = region, grown_px_ = grown;
-    for (int y = region.y; y < region.y + region.height; ++y)
-      detail::unpack(union_.row(y), static_cast<std::size_t>(region.x),
-                     static_cast<std::size_t>(region.width), undilated_.ptr<uchar>(y) + region.x);
+    undilated_up_to_date_ = false;
     covered_px_ = 0;
     dilation_.run(union_, region, dilation_px, [&](int y, const std::uint64_t* row) {
       uchar* to = mask_.image.ptr<uchar>(y);
@@ -163,12 +175,15 @@ class DepthMaskFuser {
   Camera camera_;
   DepthView depth_;
   InstanceRegion region_;
-  cv::Mat undilated_;
   DynamicMask mask_;
   std::vector<Instance> fused_;
   std::vector<std::vector<uchar>> buffers_;
   detail::BitMask union_, one_;    // of the instances, and of one of them
-  cv::Rect region_px_, grown_px_;  // what the last frame wrote
+  cv::Rect region_px_, grown_px_;  // what the last fuse() found, and what it wrote dilated
+  // Not everyone asks for it.
+  mutable cv::Mat undilated_;
+  mutable cv::Rect undilated_px_;  // what is written there
+  mutable bool undilated_up_to_date_ = true;
   int covered_px_ = 0;
   detail::Dilation dilation_;
   std::uint32_t status_ = kOk;

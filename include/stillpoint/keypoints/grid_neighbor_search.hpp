@@ -47,7 +47,7 @@ class GridNeighborSearch {
     }
     // A tiny radius in a huge picture must not make more cells than points can fill.
     const float width = max.x - min_.x, height = max.y - min_.y;
-    cell_ = std::max({0.5f * radius, 1.0f, std::max(width, height) / kMaxCellsPerSide});
+    cell_ = std::max({radius, 1.0f, std::max(width, height) / kMaxCellsPerSide});
     per_cell_ = 1 / cell_;
     columns_ = static_cast<int>(width * per_cell_) + 1;
     rows_ = static_cast<int>(height * per_cell_) + 1;

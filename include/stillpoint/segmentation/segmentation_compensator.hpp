@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "stillpoint/core/blur.hpp"
+#include "stillpoint/core/byte_rows.hpp"
 #include "stillpoint/core/camera.hpp"
 #include "stillpoint/core/depth_view.hpp"
 #include "stillpoint/core/frame.hpp"
@@ -280,7 +281,7 @@ class SegmentationCompensator {
       for (int y = 0; y < instance->box.height; ++y) {
         const uchar* in = instance->mask.ptr<uchar>(y);
         uchar* to = mask.ptr<uchar>(y + instance->box.y - area.y) + instance->box.x - area.x;
-        for (int x = 0; x < instance->box.width; ++x) to[x] |= in[x];
+        detail::or_into(in, static_cast<std::size_t>(instance->box.width), to);
       }
     } else {
       output_.instances.emplace_back();
