@@ -288,7 +288,7 @@ class CameraMotion {
   }
 
   Eigen::Vector2f error_px(const Flow& f, const Eigen::Vector3f& q) const {
-    if (q.z() < 0.2f) return {1e6f, 1e6f};
+    if (q.z() < kLeastDepth) return {1e6f, 1e6f};
     return {current_.fx * q.x() / q.z() + current_.cx - f.u,
             current_.fy * q.y() / q.z() + current_.cy - f.v};
   }
@@ -358,7 +358,7 @@ class CameraMotion {
     f.from = {(u0 - last_.cx) / last_.fx * c.depth_m, (v0 - last_.cy) / last_.fy * c.depth_m,
               c.depth_m};
     const Eigen::Vector3f q = (guess * f.from.cast<double>()).cast<float>();
-    if (q.z() < 0.2f) return;
+    if (q.z() < kLeastDepth) return;
     float du = current_.fx * q.x() / q.z() + current_.cx - u0;
     float dv = current_.fy * q.y() / q.z() + current_.cy - v0;
     if (!shift(last_.fine_quarter, current_.fine_quarter, c.x / 2, c.y / 2, 4, 0.1f, du, dv))
@@ -536,7 +536,7 @@ class CameraMotion {
   // One flow, however far off.
   void add_to(Normal& normal, const Flow& f, const Eigen::Isometry3d& T) const {
     const Eigen::Vector3d q = T * f.from.cast<double>();
-    if (q.z() < 0.2) return;
+    if (q.z() < kLeastDepth) return;
     const double z = q.z(), x = q.x() / z, y = q.y() / z;
     const double fx = current_.fx, fy = current_.fy;
     const Eigen::Vector2d e(fx * x + current_.cx - f.u, fy * y + current_.cy - f.v);

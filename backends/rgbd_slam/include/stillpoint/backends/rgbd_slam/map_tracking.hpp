@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "stillpoint/backends/rgbd_slam/local_map.hpp"
+#include "stillpoint/backends/rgbd_slam/pnp.hpp"
 #include "stillpoint/backends/rgbd_slam/relocalizer.hpp"
 #include "stillpoint/backends/rgbd_slam/tracked_frame.hpp"
 #include "stillpoint/core/trajectory.hpp"
@@ -19,10 +20,11 @@ namespace stillpoint::rgbd_slam {
 /// Follows the camera in the map, frame by frame, and decides on keyframes.
 ///
 /// The predicted pose projects the local map into the frame; matches near the projections give the
-/// pose; then the local map is gathered anew around them, matched closely, and the pose refined. If
-/// that fails, wider, then anywhere in the map. A frame that finds too few is lost, and said to be.
-/// Poses are kept relative to keyframes, so that corrections of these carry them along. Knows no
-/// thread: the caller holds the map's lock.
+/// pose; then the local map is gathered anew around them, matched closely, and the pose refined; a
+/// pose that too few of the matches agree on is contested. If that fails, wider, then anywhere in
+/// the map. A frame that finds too few is lost, and said to be. Poses are kept relative to
+/// keyframes, so that corrections of these carry them along. Knows no thread: the caller holds the
+/// map's lock.
 class MapTracking {
  public:
   struct Settings {
@@ -176,12 +178,32 @@ class MapTracking {
     stats_.inliers = refine_pose(optics_, map, current_);
     if (stats_.inliers >= settings_.min_inliers / 2) {
       align(map);
-      stats_.inliers = refine_pose(optics_, map, current_);
+      refine_aligned(map);
     }
     for (const PointId id : in_view) ++map.point(id)->visible;
     for (const PointId id : current_.points)
       if (id != kNone) ++map.point(id)->found;
     return stats_.inliers >= (stats_.recovered ? settings_.min_relocalized : settings_.min_inliers);
+  }
+
+  // Aligned matches of the static world fit within a fraction of a pixel. Where many do not, the
+  // pose may be a compromise with people whom no mask covers yet: it gives way to one that more
+  // matches agree on, if there is one.
+  void refine_aligned(const Map& map) {
+    constexpr double kUsualShare = 0.8;
+    TrackedFrame other = current_;
+    const int matches = current_.matches();
+    stats_.inliers = refine_pose(optics_, map, current_);
+    if (stats_.inliers >= kUsualShare * matches) return;
+    std::vector<PoseObservation> observations = pose_observations(optics_, map, other);
+    const auto T = solve_pnp_ransac(optics_.camera, optics_.noise, observations,
+                                    settings_.min_inliers, 300, 1.0);
+    if (!T) return;
+    other.T_camera_world = *T;
+    const int inliers = refine_pose(optics_, map, other, 4);
+    if (inliers <= stats_.inliers) return;
+    stats_.inliers = inliers;
+    current_ = std::move(other);
   }
 
   // Moves the matched keypoints to where the points' patches fit.

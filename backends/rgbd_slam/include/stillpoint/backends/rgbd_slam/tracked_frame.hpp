@@ -100,10 +100,9 @@ inline PoseObservation pose_observation(const Optics& optics, const KeypointFram
   return o;
 }
 
-/// Optimises the frame's pose on its matches and takes back those that do not fit. Returns the
-/// number of the others.
-inline int refine_pose(const Optics& optics, const Map& map, TrackedFrame& f,
-                       double start_gate = 0) {
+/// The observations of the frame's matches; forgets those of points that the map no longer has.
+inline std::vector<PoseObservation> pose_observations(const Optics& optics, const Map& map,
+                                                      TrackedFrame& f) {
   std::vector<PoseObservation> observations;
   observations.reserve(f.points.size());
   for (std::size_t i = 0; i < f.points.size(); ++i)
@@ -111,6 +110,14 @@ inline int refine_pose(const Optics& optics, const Map& map, TrackedFrame& f,
       observations.push_back(pose_observation(optics, f.frame, i, point->position));
     else
       f.points[i] = kNone;
+  return observations;
+}
+
+/// Optimises the frame's pose on its matches and takes back those that do not fit. Returns the
+/// number of the others.
+inline int refine_pose(const Optics& optics, const Map& map, TrackedFrame& f,
+                       double start_gate = 0) {
+  std::vector<PoseObservation> observations = pose_observations(optics, map, f);
   if (observations.size() < 6) return 0;
   const int inliers =
       optimize_pose(optics.camera, optics.noise, observations, f.T_camera_world, start_gate);
