@@ -223,6 +223,21 @@ TEST(DepthMaskFuser, KeepsASecondPersonInOneMask) {
   }
 }
 
+TEST(DepthMaskFuser, KeepsASecondPersonInAMaskThatWasCarriedALittleAside) {
+  const Figure near{{60, 79, 70, 139}, 1.2f, 1}, other{{190, 60, 60, 100}, 1.8f, 2};
+  const cv::Mat truth = picture_of(std::vector<cv::Rect>{near.box, other.box}, room().size);
+  const cv::Point aside(-6, 0);
+  Instance both = instance_from_mask(
+      picture_of(std::vector<cv::Rect>{near.box + aside, other.box + aside}, room().size));
+  both.predicted = true;
+  const Score s = score(fused(room(), {near, other}, {both}), truth);
+  EXPECT_GT(s.recall, 0.97);
+  EXPECT_GT(s.precision, 0.97);
+  // A mask that was seen now ends where the object ends.
+  both.predicted = false;
+  EXPECT_LT(score(fused(room(), {near, other}, {both}), truth).recall, 0.8);
+}
+
 TEST(DepthMaskFuser, KeepsASecondPersonBesideWhomNothingIsMeasured) {
   const Figure other{{190, 90, 34, 70}, 1.4f, 2};
   const FlatScene scene = room();

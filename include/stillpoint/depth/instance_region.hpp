@@ -63,8 +63,7 @@ class InstanceRegion {
     const bool connected = !paper && ranges_.find_on_mask(depth, samples_, instance, range_);
     area_ = instance.box;
     if (connected) {
-      cells_.grow(depth, samples_, floor_, ranges_, range_, instance.box, instance.mask.empty(),
-                  settings_);
+      cells_.grow(depth, samples_, floor_, ranges_, range_, instance, settings_);
       const int cell = settings_.cell_px;
       const cv::Rect used = cells_.used();
       area_ = cv::Rect(used.x * cell, used.y * cell, used.width * cell, used.height * cell) &

@@ -12,6 +12,7 @@
 #include "stillpoint/core/bit_mask.hpp"
 #include "stillpoint/core/config.hpp"
 #include "stillpoint/core/depth_view.hpp"
+#include "stillpoint/core/instance.hpp"
 #include "stillpoint/core/scratch.hpp"
 #include "stillpoint/depth/depth_mask_fuser_settings.hpp"
 #include "stillpoint/depth/dilate.hpp"
@@ -25,15 +26,18 @@ namespace stillpoint {
 /// the core, and the core grows over connected depth, but not into the floor.
 class RegionCells {
  public:
-  /// Grows the region of an object whose mask's samples and range `ranges` has just found.
+  /// Grows the region of an instance whose mask's samples and range `ranges` has just found.
   /// O(cells of the box and of what it grows over).
   void grow(const DepthView& depth, const StratifiedSamples& samples, const InversePlane& floor,
-            const ObjectDepthRange& ranges, const DepthRange& range, const cv::Rect& box, bool bare,
+            const ObjectDepthRange& ranges, const DepthRange& range, const Instance& instance,
             const DepthMaskFuserSettings& settings) {
     const int cell = settings.cell_px;
-    const float px_per_m = depth.focal_px() / range.middle_m;
-    const int reach = std::max(
-        1, static_cast<int>(settings.growth_m * px_per_m / static_cast<float>(cell) + 0.5f));
+    const cv::Rect& box = instance.box;
+    const bool bare = instance.mask.empty();
+    const float cells_per_m = depth.focal_px() / range.middle_m / static_cast<float>(cell);
+    const int reach = std::max(1, static_cast<int>(settings.growth_m * cells_per_m + 0.5f));
+    const int slack =
+        instance.predicted ? static_cast<int>(kPredictedSlackM * cells_per_m + 0.5f) : 0;
     cells_ = samples.cells_of(grow_rect(box, bare ? cell : (reach + 1) * cell, depth.size()));
     stride_ = static_cast<std::size_t>(cells_.width) + 2;
     const std::size_t n = stride_ * (static_cast<std::size_t>(cells_.height) + 2);
@@ -45,7 +49,7 @@ class RegionCells {
                   kUnknown);
     used_ = samples.cells_of(box) - cells_.tl();
     seed_core(depth, samples, floor, ranges, range);
-    if (!bare) keep_parts(depth, samples, floor, ranges.samples_on_mask());
+    if (!bare) keep_parts(depth, samples, floor, ranges.samples_on_mask(), slack);
     queue_border();
     spread(depth, samples, floor, range, settings.range_m, reach);
     // One cell more: pixels of the region lie in the cells around it, too.
@@ -111,6 +115,7 @@ class RegionCells {
   static constexpr std::uint8_t kUnknown = 0, kOutside = 1, kOpen = 2, kRegion = 3, kPart = 4;
   static constexpr int kNext[4][2] = {{-1, 0}, {1, 0}, {0, -1}, {0, 1}};
   static constexpr float kNone = 1e9f;
+  static constexpr float kPredictedSlackM = 0.06f;  // how far off a predicted mask may be
   struct Visit {
     int x, y, distance;
   };
@@ -201,10 +206,10 @@ class RegionCells {
   }
 
   // Parts of the mask at other depths are the object's, too (an arm stretched out, a second person
-  // in one mask), if they end where the mask ends: in a step to something farther. What goes on
-  // beyond the mask is background that a careless mask took in.
+  // in one mask), if they end where the mask ends, at most `slack` cells further: in a step to
+  // something farther. What goes on beyond the mask is background that a careless mask took in.
   void keep_parts(const DepthView& depth, const StratifiedSamples& samples,
-                  const InversePlane& floor, const std::uint16_t* sample) {
+                  const InversePlane& floor, const std::uint16_t* sample, int slack) {
     std::size_t on_mask = 0, core = 0;
     const std::size_t width = static_cast<std::size_t>(used_.width);
     for (int y = 0; y < used_.height; ++y)
@@ -221,10 +226,9 @@ class RegionCells {
         const int x = used_.x + in_row;
         if (state_[index(x, y)] != kUnknown) return;  // in a part found since
         const std::size_t begin = queue_.size();
-        if (!collect_part(depth, samples, floor, sample, x, y) || queue_.size() - begin < least)
-          return;
+        if (collect_part(depth, samples, floor, sample, x, y, slack) < least) return;
         for (std::size_t k = begin; k < queue_.size(); ++k)
-          state_[index(queue_[k].x, queue_[k].y)] = kRegion;
+          if (queue_[k].distance == 0) state_[index(queue_[k].x, queue_[k].y)] = kRegion;
       });
     }
     for (const Visit& v : queue_)
@@ -250,16 +254,19 @@ class RegionCells {
            sample[static_cast<std::size_t>((y - used_.y) * used_.width + x - used_.x)] != 0;
   }
 
-  // Adds the cells of the mask that hang together with a cell to the queue; whether their border
-  // with what is beyond the mask is one of steps.
-  bool collect_part(const DepthView& depth, const StratifiedSamples& samples,
-                    const InversePlane& floor, const std::uint16_t* sample, int x0, int y0) {
+  // Adds the cells of the mask that hang together with a cell to the queue, and those up to `slack`
+  // cells beyond it. Returns how many are on the mask; 0 if their border is not one of steps.
+  std::size_t collect_part(const DepthView& depth, const StratifiedSamples& samples,
+                           const InversePlane& floor, const std::uint16_t* sample, int x0, int y0,
+                           int slack) {
     int steps = 0, goes_on = 0;
+    std::size_t on_mask = 0;
     std::size_t k = queue_.size();
     state_[index(x0, y0)] = kPart;
     queue_.push_back({x0, y0, 0});
     for (; k < queue_.size(); ++k) {
       const Visit visit = queue_[k];
+      on_mask += visit.distance == 0;
       const float z = z_[index(visit.x, visit.y)], step = std::max(0.03f, 0.02f * z);
       if (is_floor(depth, floor, place(samples, depth, visit.x, visit.y), z)) ++goes_on;
       for (const auto& next : kNext) {
@@ -270,19 +277,27 @@ class RegionCells {
           if (state_[j] != kUnknown || std::abs(z_[j] - z) > step) continue;
           state_[j] = kPart;
           queue_.push_back({x, y, 0});
-        } else {
-          const cv::Point p = place(samples, depth, x, y);
-          const float beyond = depth.to_m(depth.row(p.y)[p.x]);
-          if (beyond > z + step)
-            steps += 2;
-          else if (beyond == 0)  // cameras measure nothing beside a step, and on much else
-            ++steps;
-          else if (beyond > z - step)  // what is nearer hides where the part ends
+          continue;
+        }
+        if (state_[j] == kPart) continue;
+        const cv::Point p = place(samples, depth, x, y);
+        const float beyond = depth.to_m(depth.row(p.y)[p.x]);
+        if (beyond > z + step) {
+          steps += 2;
+        } else if (beyond == 0) {  // cameras measure nothing beside a step, and on much else
+          ++steps;
+        } else if (beyond > z - step) {  // what is nearer hides where the part ends
+          if (visit.distance == slack) {
             goes_on += 2;
+            continue;
+          }
+          state_[j] = kPart;
+          z_[j] = beyond;
+          queue_.push_back({x, y, visit.distance + 1});
         }
       }
     }
-    return steps > goes_on;
+    return steps > goes_on ? on_mask : 0;
   }
 
   static void mark_border(const std::uint8_t* s, const std::uint8_t* above,

@@ -242,6 +242,7 @@ class ForwardPredictor {
     const cv::Rect area = object_.predicted_box(frame.color.size());
     if (area.empty()) return false;
     if (can_look) instance.depth_m = object_.predicted_depth_m();
+    instance.predicted = true;
     if (!instance.mask.empty()) {
       buffer.assign(static_cast<std::size_t>(area.area()), 0);
       instance.mask = cv::Mat(area.size(), CV_8UC1, buffer.data());

@@ -291,6 +291,7 @@ class SegmentationCompensator {
       instance->class_name = object.class_name;
       instance->score = object.score;
       instance->depth_m = settings_.use_depth ? object.predicted_depth_m() : 0;
+      instance->predicted = true;
     }
     instance->box = area;
     instance->mask = mask;
