@@ -27,8 +27,8 @@ struct Instance {
   /// Distance at which the object is expected, metres; 0: not known. Segmenters leave it alone, the
   /// compensator fills it in for objects that it remembers.
   float depth_m = 0;
-  /// The mask was carried here from earlier frames and may lie beside the object. Segmenters leave it
-  /// alone, the compensator fills it in.
+  /// The mask was carried here from earlier frames and may lie a little beside the object.
+  /// Segmenters leave it alone, the compensator fills it in.
   bool predicted = false;
   /// Motion blur in the frame. Segmenters leave it alone, the front end fills it in.
   Blur blur;
