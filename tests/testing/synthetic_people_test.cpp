@@ -26,12 +26,13 @@ const Office& office() {
   return *built;
 }
 
-/// The people only; clothes go into a scene without a room.
+/// The people; their clothes join the textures of the room, of which they carry cartons.
 struct Crowd {
   StaticScene wardrobe;
   People people;
   Crowd(int count, bool seated, bool carried = false, bool near_lane_free = false)
-      : people(wardrobe, office().plan, count, seated, carried, near_lane_free, false, kSeed) {}
+      : wardrobe(office().scene),
+        people(wardrobe, office().plan, count, seated, carried, near_lane_free, false, kSeed) {}
   MovingThings at(double t_s) const {
     MovingThings things;
     people.append(t_s, wardrobe.textures, things);
