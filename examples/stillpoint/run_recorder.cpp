@@ -22,12 +22,7 @@ using Json = nlohmann::ordered_json;
 /// it does not depend on earlier frames, so that sequences can be compared.
 double sharpness(const PictureBlur& blur) {
   constexpr double kOfPerfectSteps = 1.0 / 6;
-  PictureBlur::Edges sum;
-  for (const PictureBlur::Edges& e : blur.blocks) {
-    sum.short_x += e.short_x, sum.long_x += e.long_x;
-    sum.short_y += e.short_y, sum.long_y += e.long_y;
-  }
-  return PictureBlur::ratio(sum) / kOfPerfectSteps;
+  return PictureBlur::ratio(blur.total) / kOfPerfectSteps;
 }
 
 }  // namespace

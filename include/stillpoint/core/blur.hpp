@@ -41,6 +41,11 @@ class PictureBlur {
   /// squared differences over a short and over a long way, where the long one shows an edge.
   struct Edges {
     std::int64_t short_x = 0, long_x = 0, short_y = 0, long_y = 0;
+    Edges& operator+=(const Edges& other) {
+      short_x += other.short_x, long_x += other.long_x;
+      short_y += other.short_y, long_y += other.long_y;
+      return *this;
+    }
   };
   static constexpr int kBlockWidth = 32, kBlockHeight = 60;
 
@@ -53,6 +58,8 @@ class PictureBlur {
   /// Row by row.
   std::vector<Edges> blocks;
   int columns = 0;
+  /// Of all blocks.
+  Edges total;
 
   /// Blur of what lies in `box` and moved by `way_px` since the last frame. Where the way is NaN or
   /// the box too small, the whole picture's. O(blocks of the box).
@@ -64,11 +71,8 @@ class PictureBlur {
     for (int y = first(box.y, kBlockHeight);
          y < rows && center(y, kBlockHeight) < box.y + box.height; ++y)
       for (int x = first(box.x, kBlockWidth);
-           x < columns && center(x, kBlockWidth) < box.x + box.width; ++x) {
-        const Edges& e = blocks[static_cast<std::size_t>(y * columns + x)];
-        sum.short_x += e.short_x, sum.long_x += e.long_x;
-        sum.short_y += e.short_y, sum.long_y += e.long_y;
-      }
+           x < columns && center(x, kBlockWidth) < box.x + box.width; ++x)
+        sum += blocks[static_cast<std::size_t>(y * columns + x)];
     const double sharp = ratio(sum);
     if (!std::isnan(sharp) && reference > 0) blur.sharpness = std::min(1.0, sharp / reference);
     return blur;

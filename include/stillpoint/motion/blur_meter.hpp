@@ -75,7 +75,7 @@ class BlurMeter {
     if (T_current_last && camera_.valid())
       blur_.whole.motion_px = mean_way_px(frame, *T_current_last) * blur_.exposure_share;
     find_edges(frame.color);
-    const double sharp = PictureBlur::ratio(sum_);
+    const double sharp = PictureBlur::ratio(blur_.total);
     if (std::isnan(sharp)) return blur_;
     double& reference = blur_.reference;
     // Slowly forgotten, as the camera comes to see other things; half way up at once, as one odd
@@ -172,7 +172,7 @@ class BlurMeter {
     const int bands = color.rows / kHeight;
     blur_.columns = std::max(0, (color.cols - kReach - 1) / kWidth);
     blur_.blocks.assign(static_cast<std::size_t>(bands * blur_.columns), {});
-    sum_ = {};
+    blur_.total = {};
     if (blur_.blocks.empty()) return;
     constexpr int kFirst = (kHeight - kReach) / 2;
     for (const int k : {0, kStep, kReach})
@@ -186,15 +186,13 @@ class BlurMeter {
         const int u = x * kWidth;
         compare(at.at(y, u), at.at(y, u + kStep), at.at(y, u + kReach), e.short_x, e.long_x);
         compare(at.at(y, u), step.at(y, u), end.at(y, u), e.short_y, e.long_y);
-        sum_.short_x += e.short_x, sum_.long_x += e.long_x;
-        sum_.short_y += e.short_y, sum_.long_y += e.long_y;
+        blur_.total += e;
       }
   }
 
   Settings settings_;
   Camera camera_;
   PictureBlur blur_;
-  PictureBlur::Edges sum_;
   std::array<cv::Mat, 3> gray_;
   double last_s_ = std::numeric_limits<double>::quiet_NaN();
 };
