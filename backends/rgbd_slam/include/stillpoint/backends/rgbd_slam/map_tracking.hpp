@@ -191,10 +191,12 @@ class MapTracking {
   // matches agree on, if there is one.
   void refine_aligned(const Map& map) {
     constexpr double kUsualShare = 0.8;
-    TrackedFrame other = current_;
+    const std::vector<PointId> matched = current_.points;
     const int matches = current_.matches();
     stats_.inliers = refine_pose(optics_, map, current_);
     if (stats_.inliers >= kUsualShare * matches) return;
+    TrackedFrame other = current_;
+    other.points = matched;
     std::vector<PoseObservation> observations = pose_observations(optics_, map, other);
     const auto T = solve_pnp_ransac(optics_.camera, optics_.noise, observations,
                                     settings_.min_inliers, 300, 1.0);
