@@ -79,7 +79,6 @@ class DepthMaskFuser {
         fused_[i] = segmentation.instances[i];
         union_.add(fused_[i].mask, fused_[i].box);
       }
-      fused_[i].blur = segmentation.instances[i].blur;
       region |= fused_[i].box;
     }
     write(region, settings_.dilation_px + widening_px);

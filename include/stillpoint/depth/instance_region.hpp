@@ -59,6 +59,8 @@ class InstanceRegion {
             Instance& out, detail::BitMask& all) {
     out.class_name = instance.class_name;
     out.score = instance.score;
+    out.predicted = instance.predicted;
+    out.blur = instance.blur;
     const bool paper = settings_.method == DepthMaskFuserSettings::Method::kPaper;
     const bool connected = !paper && ranges_.find_on_mask(depth, samples_, instance, range_);
     area_ = instance.box;
