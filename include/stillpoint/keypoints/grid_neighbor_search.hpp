@@ -1,12 +1,18 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #pragma once
 
+#if defined(__SSE2__)
+#include <emmintrin.h>
+#endif
+
 #include <algorithm>
-#include <array>
 #include <cmath>
+#include <cstddef>
+#include <cstdint>
 #include <opencv2/core.hpp>
 #include <vector>
 
+#include "stillpoint/core/bit_mask.hpp"
 #include "stillpoint/core/scratch.hpp"
 
 namespace stillpoint {
@@ -72,41 +78,49 @@ class GridNeighborSearch {
 
   template <class Visit>
   void for_each_neighbor(const cv::Point2f& query, Visit&& visit) const {
-    // Which candidates are near is hard to foresee: those that are get collected without a branch.
-    constexpr std::size_t kChunk = 64;
-    std::array<std::size_t, kChunk> near;
+    // Which candidates are near is hard to foresee: no branch before all of a run are judged.
     for_each_run(query, [&](std::size_t begin, std::size_t end) {
-      while (begin < end) {
-        const std::size_t stop = std::min(end, begin + kChunk);
-        std::size_t found = 0;
-        for (; begin < stop; ++begin) {
-          near[found] = begin;
-          found += within_radius(query, {x_[begin], y_[begin]}, radius_);
-        }
-        for (std::size_t i = 0; i < found; ++i) visit(index_[near[i]]);
+      for (; begin < end; begin += kChunk) {
+        const std::size_t n = std::min(kChunk, end - begin);
+        detail::for_each_bit(near_bits(query, begin, n), [&](int i) {
+          visit(index_[begin + static_cast<std::size_t>(i)]);
+        });
       }
     });
   }
 
   /// How many points for_each_neighbor() would visit; several times faster.
   int count_neighbors(const cv::Point2f& query) const {
-    const float limit = radius_ * radius_;
     int count = 0;
     for_each_run(query, [&](std::size_t begin, std::size_t end) {
-      // Runs are short: whole vectors, also over their ends.
-      for (; begin < end; begin += kVector) {
-        const int left = static_cast<int>(end - begin);
-        for (int i = 0; i < kVector; ++i) {
-          const float dx = query.x - x_[begin + static_cast<std::size_t>(i)],
-                      dy = query.y - y_[begin + static_cast<std::size_t>(i)];
-          count += (dx * dx + dy * dy <= limit) & (i < left);
-        }
-      }
+      for (; begin < end; begin += kChunk)
+        count += detail::count_bits(near_bits(query, begin, std::min(kChunk, end - begin)));
     });
     return count;
   }
 
  private:
+  // For n points from `begin` on, at most 64, a bit each: 1 within the radius.
+  std::uint64_t near_bits(const cv::Point2f& query, std::size_t begin, std::size_t n) const {
+    std::uint64_t bits = 0;
+#if defined(__SSE2__)
+    const __m128 qx = _mm_set1_ps(query.x), qy = _mm_set1_ps(query.y);
+    const __m128 limit = _mm_set1_ps(radius_ * radius_);
+    for (std::size_t i = 0; i < n; i += kVector) {  // also over the end
+      const __m128 dx = _mm_sub_ps(qx, _mm_loadu_ps(x_.data() + begin + i));
+      const __m128 dy = _mm_sub_ps(qy, _mm_loadu_ps(y_.data() + begin + i));
+      const __m128 squared = _mm_add_ps(_mm_mul_ps(dx, dx), _mm_mul_ps(dy, dy));
+      bits |= static_cast<std::uint64_t>(_mm_movemask_ps(_mm_cmple_ps(squared, limit))) << i;
+    }
+#else
+    for (std::size_t i = 0; i < n; ++i)
+      bits |= static_cast<std::uint64_t>(
+                  within_radius(query, {x_[begin + i], y_[begin + i]}, radius_))
+              << i;
+#endif
+    return bits & (~std::uint64_t{0} >> (64 - n));
+  }
+
   // Calls `visit_run(begin, end)` for the runs of points that may lie within the radius.
   template <class VisitRun>
   void for_each_run(const cv::Point2f& query, VisitRun&& visit_run) const {
@@ -124,7 +138,7 @@ class GridNeighborSearch {
   }
 
   static constexpr float kMaxCellsPerSide = 512;
-  static constexpr int kVector = 4;
+  static constexpr std::size_t kVector = 4, kChunk = 64;
 
   int column(float x) const { return index(x - min_.x); }
   int row(float y) const { return index(y - min_.y); }

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "stillpoint/core/byte_rows.hpp"
+#include "stillpoint/core/config.hpp"
 #include "stillpoint/core/error.hpp"
 #include "stillpoint/core/frame.hpp"
 #include "stillpoint/core/keypoint.hpp"
@@ -155,11 +156,12 @@ class ProbabilisticKeypointFilter {
     mark_near_cells();
     all_.build(points_, settings_.radius_px);
     dynamic_search_.build(dynamic_points_, settings_.radius_px);
-    asked_.resize(points_.size());
+    asked_.resize(points_.size()), cell_of_.resize(points_.size());
+    find_cells(points_.data(), points_.size(), cell_of_.data());
     std::size_t asked = 0;
     for (std::size_t i = 0; i < points_.size(); ++i) {
       asked_[asked] = i;
-      asked += static_cast<std::size_t>(!dynamic_[i] & near_dynamic(points_[i]));
+      asked += near_[static_cast<std::size_t>(cell_of_[i])] & (dynamic_[i] ^ 1u);
     }
     for (std::size_t k = 0; k < asked; ++k) {
       const std::size_t i = asked_[k];
@@ -188,8 +190,9 @@ class ProbabilisticKeypointFilter {
         std::max({radius / kNearSteps, 4.0f, std::max(max_x_ - min_x_, max_y_ - min_y_) / 512});
     per_cell_ = 1 / cell;
     const int steps = static_cast<int>(radius * per_cell_) + 1;
-    left_ = min_x_ - static_cast<float>(steps) * cell;
-    top_ = min_y_ - static_cast<float>(steps) * cell;
+    // One cell more on each side, which no point is near: it stands for all beyond.
+    left_ = min_x_ - (static_cast<float>(steps) + 1.5f) * cell;
+    top_ = min_y_ - (static_cast<float>(steps) + 1.5f) * cell;
     columns_ = static_cast<int>((max_x_ - left_) * per_cell_) + steps + 2;
     rows_ = static_cast<int>((max_y_ - top_) * per_cell_) + steps + 2;
     // Each point marks the cell `steps` further right and down; then each cell takes what is
@@ -200,8 +203,10 @@ class ProbabilisticKeypointFilter {
     const std::size_t window = static_cast<std::size_t>(2 * steps + 1);
     detail::refill(near_, size + window * stride, std::uint8_t{0});
     detail::refill(before_, size + window * stride, std::uint8_t{0});
-    for (const cv::Point2f& p : dynamic_points_)
-      near_[cell_index(p) + static_cast<std::size_t>(steps) * (stride + 1)] = 1;
+    cell_of_.resize(dynamic_points_.size());
+    find_cells(dynamic_points_.data(), dynamic_points_.size(), cell_of_.data());
+    for (const int c : cell_of_)
+      near_[static_cast<std::size_t>(c) + static_cast<std::size_t>(steps) * (stride + 1)] = 1;
     for (const std::size_t step : {std::size_t{1}, stride})
       for (std::size_t covered = 1; covered < window;) {
         const std::size_t add = std::min(covered, window - covered);
@@ -211,22 +216,16 @@ class ProbabilisticKeypointFilter {
       }
   }
 
-  std::size_t cell_index(const cv::Point2f& p) const {
-    return static_cast<std::size_t>(static_cast<int>((p.y - top_) * per_cell_)) *
-               static_cast<std::size_t>(columns_) +
-           static_cast<std::size_t>(static_cast<int>((p.x - left_) * per_cell_));
-  }
-
-  bool near_dynamic(const cv::Point2f& p) const {
-    // No branch, as before.
-    const float u = (p.x - left_) * per_cell_, v = (p.y - top_) * per_cell_;
-    const float x = std::min(std::max(u, 0.0f), static_cast<float>(columns_ - 1));
-    const float y = std::min(std::max(v, 0.0f), static_cast<float>(rows_ - 1));
-    const bool in =
-        (u >= 0) & (v >= 0) & (u < static_cast<float>(columns_)) & (v < static_cast<float>(rows_));
-    return in & (near_[static_cast<std::size_t>(static_cast<int>(y)) *
-                           static_cast<std::size_t>(columns_) +
-                       static_cast<std::size_t>(static_cast<int>(x))] != 0);
+  void find_cells(const cv::Point2f* STILLPOINT_RESTRICT points, std::size_t n,
+                  int* STILLPOINT_RESTRICT cells) const {
+    const float left = left_, top = top_, per_cell = per_cell_;
+    const float last_x = static_cast<float>(columns_ - 1), last_y = static_cast<float>(rows_ - 1);
+    const int columns = columns_;
+    for (std::size_t i = 0; i < n; ++i) {
+      const float u = (points[i].x - left) * per_cell, v = (points[i].y - top) * per_cell;
+      const float x = u < 0 ? 0 : u > last_x ? last_x : u, y = v < 0 ? 0 : v > last_y ? last_y : v;
+      cells[i] = static_cast<int>(y) * columns + static_cast<int>(x);
+    }
   }
 
   void remove() {
@@ -271,6 +270,7 @@ class ProbabilisticKeypointFilter {
   std::vector<cv::Point2f> dynamic_points_;
   std::vector<int> index_;  // points_ -> the host's index
   std::vector<std::uint8_t> dynamic_;
+  std::vector<int> cell_of_;           // in the coarse picture
   std::vector<std::size_t> asked_;  // of points_: static, with dynamic ones near
   float min_x_ = 0, min_y_ = 0, max_x_ = 0, max_y_ = 0;  // of the dynamic ones
 
