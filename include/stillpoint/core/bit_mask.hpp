@@ -79,6 +79,23 @@ struct BitsToBytes {
 };
 inline constexpr BitsToBytes kBitsToBytes;
 
+/// Writes 16 bits as bytes, 0 or 255.
+inline void unpack_16(std::uint64_t bits, unsigned char* to) {
+#if defined(__SSE2__)
+  // The lower bits' byte eight times, then the upper ones'; of each copy one bit is kept.
+  __m128i v = _mm_cvtsi32_si128(static_cast<int>(bits & 0xffff));
+  v = _mm_unpacklo_epi8(v, v);
+  v = _mm_shufflelo_epi16(v, 0x50);
+  v = _mm_unpacklo_epi32(v, v);
+  const __m128i one = _mm_set1_epi64x(static_cast<long long>(0x8040201008040201ull));
+  v = _mm_cmpeq_epi8(_mm_and_si128(v, one), one);
+  _mm_storeu_si128(reinterpret_cast<__m128i*>(to), v);
+#else
+  for (std::size_t i = 0; i < 16; i += 8)
+    std::memcpy(to + i, kBitsToBytes.bytes[bits >> i & 255].data(), 8);
+#endif
+}
+
 /// Writes the bits of a word as n bytes (at most 64), 0 or 255.
 inline void unpack_word(std::uint64_t word, std::size_t n, unsigned char* to) {
   if (n == 64) {
@@ -87,12 +104,12 @@ inline void unpack_word(std::uint64_t word, std::size_t n, unsigned char* to) {
     } else if (~word == 0) {
       std::memset(to, 255, 64);
     } else {
-      for (std::size_t i = 0; i < 8; ++i)
-        std::memcpy(to + 8 * i, kBitsToBytes.bytes[word >> (8 * i) & 255].data(), 8);
+      for (std::size_t i = 0; i < 64; i += 16) unpack_16(word >> i, to + i);
     }
     return;
   }
   std::size_t i = 0;
+  for (; i + 16 <= n; i += 16) unpack_16(word >> i, to + i);
   for (; i + 8 <= n; i += 8) std::memcpy(to + i, kBitsToBytes.bytes[word >> i & 255].data(), 8);
   if (i + 4 <= n) std::memcpy(to + i, kBitsToBytes.bytes[word >> i & 255].data(), 4), i += 4;
   for (; i < n; ++i) to[i] = (word >> i & 1) != 0 ? 255 : 0;

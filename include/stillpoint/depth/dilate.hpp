@@ -36,15 +36,12 @@ class Dilation {
     const std::size_t r = static_cast<std::size_t>(radius), window = 2 * r + 1;
     left_ = grown.x / 64 * 64;
     const std::size_t first = static_cast<std::size_t>(left_) / 64;
-    const std::size_t words = words_for(static_cast<std::size_t>(grown.x + grown.width)) - first;
-    // Rows shifted right are read from further right, so they run over.
-    stride_ = words + (r + 63) / 64 + 1;
+    stride_ = words_for(static_cast<std::size_t>(grown.x + grown.width)) - first;
     const std::size_t n = static_cast<std::size_t>(part.height), total = (n + 2 * r) * stride_;
     rows_.assign(total, 0);
     if (next_.size() < total) next_.resize(total);
-    line_.resize(stride_);
     for (std::size_t i = 0; i < n; ++i)
-      along(in.row(part.y + static_cast<int>(i)) + first, words, r, &rows_[(2 * r + i) * stride_]);
+      along(in.row(part.y + static_cast<int>(i)) + first, r, &rows_[(2 * r + i) * stride_]);
     // Down the columns: row i takes the rows from i on, in windows that double.
     for (std::size_t covered = 1; covered < window;) {
       const std::size_t add = std::min(covered, window - covered), shift = add * stride_;
@@ -61,7 +58,7 @@ class Dilation {
       const int y = part.y - radius + static_cast<int>(i);
       if (y < 0 || y >= in.size().height) continue;
       std::uint64_t* row = &rows_[i * stride_];
-      row[words - 1] &= last;
+      row[stride_ - 1] &= last;
       visit(y, static_cast<const std::uint64_t*>(row));
     }
   }
@@ -70,24 +67,35 @@ class Dilation {
   int left() const { return left_; }
 
  private:
-  // A row of `words`, dilated along itself, into stride_ words.
-  void along(const std::uint64_t* in, std::size_t words, std::size_t r, std::uint64_t* out) {
-    std::uint64_t any = 0;
-    for (std::size_t k = 0; k < words; ++k) any |= in[k];
-    if (any == 0) return;
-    std::copy(in, in + words, line_.begin());
-    std::fill(line_.begin() + static_cast<std::ptrdiff_t>(words), line_.end(), 0);
-    // Pixel x takes those from x - 2 r on, in windows that double; then all move back by r.
-    for (std::size_t covered = 1; covered < 2 * r + 1;) {
-      const std::size_t add = std::min(covered, 2 * r + 1 - covered), q = add / 64, b = add % 64;
-      for (std::size_t k = stride_ - 1; k > q; --k)
-        line_[k] |= b == 0 ? line_[k - q] : line_[k - q] << b | line_[k - q - 1] >> (64 - b);
-      if (q < stride_) line_[q] |= line_[0] << b;
-      covered += add;
+  // A row of stride_ words, dilated along itself, into `out`, which is zero.
+  void along(const std::uint64_t* in, std::size_t r, std::uint64_t* out) {
+    if (r <= 63) return along_one(in, static_cast<int>(r), out);
+    line_.assign(in, in + stride_);
+    while (r > 0) {
+      const std::size_t step = std::min<std::size_t>(r, 63);
+      along_one(line_.data(), static_cast<int>(step), out);
+      std::copy_n(out, stride_, line_.begin());
+      r -= step;
     }
-    const std::size_t q = r / 64, b = r % 64;
-    for (std::size_t k = 0; k < words; ++k)
-      out[k] = b == 0 ? line_[k + q] : line_[k + q] >> b | line_[k + q + 1] << (64 - b);
+  }
+
+  // The same with a radius of at most 63: a word reaches no further than the next one.
+  void along_one(const std::uint64_t* in, int r, std::uint64_t* out) const {
+    for (std::size_t k = 0; k < stride_; ++k) {
+      const std::uint64_t word = in[k];
+      if (word == 0) continue;
+      out[k] |= word;
+      if (r == 0) continue;
+      std::uint64_t up = word, down = word;  // moved by 0 to r - 1 pixels, in windows that double
+      for (int covered = 1; covered < r;) {
+        const int add = std::min(covered, r - covered);
+        up |= up << add, down |= down >> add;
+        covered += add;
+      }
+      out[k] |= up << 1 | down >> 1;
+      if (k > 0) out[k - 1] |= up << (64 - r);
+      if (k + 1 < stride_) out[k + 1] |= down >> (64 - r);
+    }
   }
 
   // out[k] = in[k] | in[k + shift]

@@ -54,8 +54,10 @@ inline InversePlane find_floor(const std::vector<InverseSample>& samples, const 
     if (count > best_count) best = plane, best_count = count, best.found = true;
   };
   if (last.found) consider(last);
-  // A floor that still holds a good part of the samples need not be looked for.
+  // A floor that still holds a good part of the samples need not be looked for, one that holds at
+  // all only now and then: a better one is found within a few frames.
   if (best_count > static_cast<int>(n / 4)) trials = 0;
+  if (best.found) trials /= 4;
   // Most of the floor is in the lower half, and samples come in rows from the top.
   const std::size_t half = n / 2;
   for (int t = 0; t < trials; ++t) {

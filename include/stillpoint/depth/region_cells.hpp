@@ -365,9 +365,10 @@ class RegionCells {
   static void split_row(const float* STILLPOINT_RESTRICT z,
                         const std::uint8_t* STILLPOINT_RESTRICT state, std::size_t n,
                         float* STILLPOINT_RESTRICT low, float* STILLPOINT_RESTRICT high) {
-    for (std::size_t x = 0; x < n; ++x) {
-      low[x] = state[x] == kRegion ? z[x] : kNone;
-      high[x] = state[x] == kRegion ? z[x] : 0;
+    for (std::size_t x = 0; x < n; ++x) {  // hard to foresee: no branch
+      const float in = static_cast<float>(state[x] == kRegion);
+      high[x] = z[x] * in;
+      low[x] = high[x] + kNone * (1 - in);
     }
   }
 

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "stillpoint/core/bit_mask.hpp"
+#include "stillpoint/core/config.hpp"
 #include "stillpoint/core/scratch.hpp"
 
 namespace stillpoint {
@@ -60,10 +61,8 @@ class GridNeighborSearch {
     detail::refill(start_, static_cast<std::size_t>(columns_) * static_cast<std::size_t>(rows_) + 1,
                    0);
     cell_of_.resize(n);
-    for (std::size_t i = 0; i < n; ++i) {
-      cell_of_[i] = row(points[i].y) * columns_ + column(points[i].x);
-      ++start_[static_cast<std::size_t>(cell_of_[i]) + 1];
-    }
+    find_cells(points.data(), n, cell_of_.data());
+    for (const int c : cell_of_) ++start_[static_cast<std::size_t>(c) + 1];
     for (std::size_t c = 1; c < start_.size(); ++c) start_[c] += start_[c - 1];
     // Points of a cell, and cells of a row, lie together in memory.
     x_.resize(n + kVector), y_.resize(n + kVector), index_.resize(n);
@@ -139,6 +138,16 @@ class GridNeighborSearch {
 
   static constexpr float kMaxCellsPerSide = 512;
   static constexpr std::size_t kVector = 4, kChunk = 64;
+
+  // As row() and column(), for points that lie in the grid.
+  void find_cells(const cv::Point2f* STILLPOINT_RESTRICT points, std::size_t n,
+                  int* STILLPOINT_RESTRICT cells) const {
+    const float left = min_.x, top = min_.y, per_cell = per_cell_;
+    const int columns = columns_;
+    for (std::size_t i = 0; i < n; ++i)
+      cells[i] = static_cast<int>((points[i].y - top) * per_cell) * columns +
+                 static_cast<int>((points[i].x - left) * per_cell);
+  }
 
   int column(float x) const { return index(x - min_.x); }
   int row(float y) const { return index(y - min_.y); }
