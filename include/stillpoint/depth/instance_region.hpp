@@ -31,7 +31,7 @@ class InstanceRegion {
   explicit InstanceRegion(const DepthMaskFuserSettings& settings)
       : settings_(settings), samples_(settings.cell_px, settings.seed) {}
 
-  /// Finds the floor among samples outside the instances' boxes, the last frame's floor first.
+  /// Finds the floor among samples outside the instances, the last frame's floor first.
   /// O(samples).
   void begin_frame(const DepthView& depth, const std::vector<Instance>& instances) {
     if (settings_.method == DepthMaskFuserSettings::Method::kPaper || instances.empty()) return;
@@ -44,7 +44,9 @@ class InstanceRegion {
         if (row[x] == 0) continue;
         const cv::Point p(x, y);
         bool outside = true;
-        for (const Instance& s : instances) outside = outside && !s.box.contains(p);
+        for (const Instance& s : instances)
+          outside = outside && !(s.box.contains(p) &&
+                                 (s.mask.empty() || s.mask.at<uchar>(p - s.box.tl()) != 0));
         if (outside)
           floor_samples_.push_back({depth.ray_x(static_cast<float>(x)),
                                     depth.ray_y(static_cast<float>(y)), 1 / depth.to_m(row[x])});
