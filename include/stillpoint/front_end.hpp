@@ -239,7 +239,7 @@ class BasicFrontEnd {
 
     start = Clock::now();
     const DynamicMask& fused =
-        fuser_.fuse(frame, *instances, settings_.use_depth, settings_.late.widening_px(age_s()));
+        fuser_.fuse(frame, *instances, settings_.use_depth, settings_.late.widening_px(age_s()), T);
     if (settings_.use_compensation)
       compensator_.remember(
           frame, settings_.compensation.use_depth ? fuser_.instances() : instances->instances);

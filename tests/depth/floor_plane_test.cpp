@@ -64,6 +64,44 @@ TEST(FloorPlane, IsNotATableThatCoversMoreOfThePicture) {
   expect_floor(find_floor(samples, InversePlane(), 1), height_m, pitch);
 }
 
+TEST(FloorPlane, MovesWithTheCamera) {
+  const float height_m = 1.2f, pitch = 0.3f;
+  const InversePlane floor = {0, std::cos(pitch) / height_m, std::sin(pitch) / height_m, true};
+  Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+  T.rotate(Eigen::AngleAxisd(0.2, Eigen::Vector3d(0.3, 0.5, 0.8).normalized()));
+  T.pretranslate(Eigen::Vector3d(0.1, -0.2, 0.3));
+  const InversePlane moved = floor.moved(T);
+  ASSERT_TRUE(moved.found);
+  for (const double x : {-0.5, 0.0, 0.5}) {
+    const Eigen::Vector3d p = static_cast<double>(floor.depth_m(static_cast<float>(x), 0.3f)) *
+                              Eigen::Vector3d(x, static_cast<double>(0.3f), 1);
+    const Eigen::Vector3d q = T * p;
+    EXPECT_NEAR(moved.depth_m(static_cast<float>(q.x() / q.z()), static_cast<float>(q.y() / q.z())),
+                q.z(), 1e-4 * q.z());
+  }
+  EXPECT_FALSE(InversePlane().moved(T).found);
+}
+
+TEST(FloorPlane, IsKeptInMindWherePeopleHideIt) {
+  const float height_m = 1.2f, pitch = 0.3f;
+  const InversePlane floor = {0, std::cos(pitch) / height_m, std::sin(pitch) / height_m, true};
+  std::vector<InverseSample> samples = room(height_m, pitch, 0, 1);
+  RandomGenerator random(1);
+  int seen = 0;
+  for (InverseSample& s : samples) {
+    const bool is_floor = std::abs(floor.b * s.y + floor.c - s.inverse) < 0.003f;
+    if (is_floor && random.uniform() < 0.85)
+      s.inverse = 1 / 0.5f;
+    else
+      seen += is_floor;
+  }
+  ASSERT_LT(seen, static_cast<int>(samples.size()) / 8);
+  EXPECT_FALSE(find_floor(samples, floor, 1).found);
+  expect_floor(find_floor(samples, floor, 1, true), height_m, pitch);
+  // Not where nothing of it is seen.
+  EXPECT_FALSE(find_floor(room(100, 0, 0, 1), floor, 1, true).found);
+}
+
 TEST(FloorPlane, IsNotSeenWhereThereIsNone) {
   // A wall; a ceiling; noise.
   EXPECT_FALSE(find_floor(room(100, 0, 0, 1), InversePlane(), 1).found);
@@ -86,8 +124,8 @@ TEST(FloorPlane, NeedsSamples) {
 TEST(FloorPlane, StartsFromTheLastOne) {
   const InversePlane last = find_floor(room(1.2f, 0.3f, 0, 1), InversePlane(), 1);
   // With no trial of its own only the last one can be found.
-  expect_floor(find_floor(room(1.2f, 0.3f, 0.2f, 2), last, 1, 0), 1.2f, 0.3f);
-  EXPECT_FALSE(find_floor(room(1.2f, 0.3f, 0.2f, 2), InversePlane(), 1, 0).found);
+  expect_floor(find_floor(room(1.2f, 0.3f, 0.2f, 2), last, 1, false, 0), 1.2f, 0.3f);
+  EXPECT_FALSE(find_floor(room(1.2f, 0.3f, 0.2f, 2), InversePlane(), 1, false, 0).found);
   // A last one that does not hold any more is given up.
   expect_floor(find_floor(room(0.8f, 0.1f, 0.1f, 3), last, 1), 0.8f, 0.1f);
 }

@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #pragma once
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <cstring>
 #include <opencv2/core.hpp>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -49,9 +51,11 @@ class DepthMaskFuser {
   /// Fuses one frame. Without depth, or with `use_depth` false, the mask is the union of the
   /// instances' masks (of their boxes, where they have none), and status() says kNoDepth. Throws
   /// Error if instances do not fit the picture. Strongly blurred instances are dilated more;
-  /// `widening_px` is added to all.
+  /// `widening_px` is added to all. `T_current_last` maps points of the last frame's camera into
+  /// this one's, if it is known: it keeps the floor in mind where people hide it.
   const DynamicMask& fuse(const RgbdFrame& frame, const Segmentation& segmentation,
-                          bool use_depth = true, int widening_px = 0) {
+                          bool use_depth = true, int widening_px = 0,
+                          const std::optional<Eigen::Isometry3d>& T_current_last = std::nullopt) {
     check_frame(frame);
     const cv::Size size = frame.color.size();
     check_segmentation(segmentation, size);
@@ -67,7 +71,7 @@ class DepthMaskFuser {
       bool measured = false;
       for (const Instance& s : segmentation.instances) measured |= depth_.glance(s.box);
       if (!measured && !depth_.any_measured()) status_ = kNoDepth;
-      region_.begin_frame(depth_, segmentation.instances);
+      region_.begin_frame(depth_, segmentation.instances, T_current_last);
     }
     fused_.resize(n);
     if (buffers_.size() < n) buffers_.resize(n);

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #pragma once
 
+#include <Eigen/Geometry>
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -20,6 +22,17 @@ struct InversePlane {
     const float inverse = a * x + b * y + c;
     return found && inverse > 1e-4f ? 1 / inverse : 0;
   }
+
+  /// The same plane after the camera has moved: `T_current_last` maps points of the camera that the
+  /// plane was found by into the present one's.
+  InversePlane moved(const Eigen::Isometry3d& T_current_last) const {
+    // (a, b, c) p = 1 for its points p.
+    Eigen::Vector3d n = T_current_last.linear() * Eigen::Vector3d(a, b, c);
+    const double scale = 1 + n.dot(T_current_last.translation());
+    if (!found || !(scale > 0)) return {};
+    n /= scale;
+    return {static_cast<float>(n.x()), static_cast<float>(n.y()), static_cast<float>(n.z()), true};
+  }
 };
 
 /// A depth sample for find_floor(): ray (x, y, 1) and inverse depth in 1/m.
@@ -30,16 +43,18 @@ struct InverseSample {
 /// Finds the floor among samples by RANSAC: the plane with most samples, less those below it, among
 /// those that face the camera from below (camera upright within about 50 degrees, 0.2 to 3 m above
 /// the floor). So a table is no floor: the floor is seen below it. `last`,
-/// the floor of the last frame, is the first candidate. Deterministic for a seed. Cost: `trials`
+/// the floor of the last frame, is the first candidate. Was it `carried` along with the camera's
+/// motion, a few samples suffice: people hide most of it. Deterministic for a seed. Cost: `trials`
 /// times samples.
 inline InversePlane find_floor(const std::vector<InverseSample>& samples, const InversePlane& last,
-                               std::uint64_t seed, int trials = 64) {
+                               std::uint64_t seed, bool carried = false, int trials = 64) {
   InversePlane best;
   const std::size_t n = samples.size();
   if (n < 30) return best;
   const auto tolerance = [](float inverse) { return 0.006f + 0.015f * inverse; };
   RandomGenerator random(seed);
-  int best_count = static_cast<int>(n / 8);
+  const int enough = static_cast<int>(n / 8);
+  int best_count = carried && last.found ? static_cast<int>(n / 32) : enough;
   const auto consider = [&](const InversePlane& plane) {
     const float norm = std::sqrt(plane.a * plane.a + plane.b * plane.b + plane.c * plane.c);
     // norm is one over the camera's height, b / norm the cosine between normal and image "down".
@@ -57,7 +72,8 @@ inline InversePlane find_floor(const std::vector<InverseSample>& samples, const 
   // A floor that still holds a good part of the samples need not be looked for, one that holds at
   // all only now and then: a better one is found within a few frames.
   if (best_count > static_cast<int>(n / 4)) trials = 0;
-  if (best.found) trials /= 4;
+  if (best_count > enough) trials /= 4;
+  best_count = std::max(best_count, enough);
   // Most of the floor is in the lower half, and samples come in rows from the top.
   const std::size_t half = n / 2;
   for (int t = 0; t < trials; ++t) {
@@ -74,7 +90,7 @@ inline InversePlane find_floor(const std::vector<InverseSample>& samples, const 
     plane.c = p.inverse - plane.a * p.x - plane.b * p.y;
     consider(plane);
   }
-  if (!best.found) return best;
+  if (!best.found || best_count <= enough) return best;  // too few to better it
   // One least-squares pass over the inliers takes out the noise of three samples.
   double m[3][4] = {};
   for (const InverseSample& s : samples) {

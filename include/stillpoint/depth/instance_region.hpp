@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #pragma once
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdint>
 #include <cstring>
 #include <opencv2/core.hpp>
+#include <optional>
 #include <vector>
 
 #include "stillpoint/core/bit_mask.hpp"
@@ -31,10 +33,13 @@ class InstanceRegion {
   explicit InstanceRegion(const DepthMaskFuserSettings& settings)
       : settings_(settings), samples_(settings.cell_px, settings.seed) {}
 
-  /// Finds the floor among samples outside the instances, the last frame's floor first.
-  /// O(samples).
-  void begin_frame(const DepthView& depth, const std::vector<Instance>& instances) {
-    if (settings_.method == DepthMaskFuserSettings::Method::kPaper || instances.empty()) return;
+  /// Finds the floor among samples outside the instances, the last frame's floor first, which the
+  /// camera's motion carries along if it is known. O(samples).
+  void begin_frame(const DepthView& depth, const std::vector<Instance>& instances,
+                   const std::optional<Eigen::Isometry3d>& T_current_last) {
+    if (settings_.method == DepthMaskFuserSettings::Method::kPaper) return;
+    if (T_current_last) floor_ = floor_.moved(*T_current_last);
+    if (instances.empty()) return;
     floor_samples_.clear();
     const cv::Size size = depth.size();
     const int step = std::max(8, size.width / 28);
@@ -52,7 +57,7 @@ class InstanceRegion {
                                     depth.ray_y(static_cast<float>(y)), 1 / depth.to_m(row[x])});
       }
     }
-    floor_ = find_floor(floor_samples_, floor_, settings_.seed);
+    floor_ = find_floor(floor_samples_, floor_, settings_.seed, T_current_last.has_value());
   }
 
   /// Writes the instance's region: `out.box` may cover more than the instance's box, `out.mask` has

@@ -81,9 +81,8 @@ class GridNeighborSearch {
     for_each_run(query, [&](std::size_t begin, std::size_t end) {
       for (; begin < end; begin += kChunk) {
         const std::size_t n = std::min(kChunk, end - begin);
-        detail::for_each_bit(near_bits(query, begin, n), [&](int i) {
-          visit(index_[begin + static_cast<std::size_t>(i)]);
-        });
+        detail::for_each_bit(near_bits(query, begin, n),
+                             [&](int i) { visit(index_[begin + static_cast<std::size_t>(i)]); });
       }
     });
   }
@@ -113,9 +112,9 @@ class GridNeighborSearch {
     }
 #else
     for (std::size_t i = 0; i < n; ++i)
-      bits |= static_cast<std::uint64_t>(
-                  within_radius(query, {x_[begin + i], y_[begin + i]}, radius_))
-              << i;
+      bits |=
+          static_cast<std::uint64_t>(within_radius(query, {x_[begin + i], y_[begin + i]}, radius_))
+          << i;
 #endif
     return bits & (~std::uint64_t{0} >> (64 - n));
   }

@@ -270,7 +270,7 @@ class ProbabilisticKeypointFilter {
   std::vector<cv::Point2f> dynamic_points_;
   std::vector<int> index_;  // points_ -> the host's index
   std::vector<std::uint8_t> dynamic_;
-  std::vector<int> cell_of_;           // in the coarse picture
+  std::vector<int> cell_of_;        // in the coarse picture
   std::vector<std::size_t> asked_;  // of points_: static, with dynamic ones near
   float min_x_ = 0, min_y_ = 0, max_x_ = 0, max_y_ = 0;  // of the dynamic ones
 
