@@ -230,6 +230,7 @@ void change_setting(FrontEndSettings& settings, const std::string& name, double 
   offer("max_restored_frames", settings.compensation.max_restored_frames);
   offer("sharp_px", settings.compensation.sharp_px);
   offer("max_prediction_s", settings.compensation.max_prediction_s);
+  offer("max_unnamed_s", settings.compensation.max_unnamed_s);
   offer("cell_px", settings.depth.cell_px);
   offer("range_m", settings.depth.range_m);
   offer("growth_m", settings.depth.growth_m);

@@ -262,11 +262,11 @@ TEST(SegmentationCompensator, OnlyTimeEndsWhatTheSegmenterHasNoNameFor) {
     for (int i = 0; i < 3; ++i, t += 0.033)
       show.compensator.compensate(show.scene.frame(kStart + t, {box.at(t)}), result({instance}));
     std::size_t restored = 0;
-    for (int i = 0; i < 30; ++i, t += 0.033) restored += show.show(t, {}, {box}).instances.size();
+    for (int i = 0; i < 80; ++i, t += 0.033) restored += show.show(t, {}, {box}).instances.size();
     if (*name)
       EXPECT_EQ(restored, 8u);
     else
-      EXPECT_NEAR(static_cast<double>(restored), Settings().max_prediction_s / 0.033, 1.5);
+      EXPECT_NEAR(static_cast<double>(restored), Settings().max_unnamed_s / 0.033, 1.5);
   }
 }
 
@@ -678,6 +678,8 @@ TEST(SegmentationCompensator, RefusesSettingsWithoutSense) {
   EXPECT_ERROR(SegmentationCompensator{s}, "max_restored_frames");
   s = Settings(), s.sharp_px = -1;
   EXPECT_ERROR(SegmentationCompensator{s}, "sharp_px");
+  s = Settings(), s.max_unnamed_s = -1;
+  EXPECT_ERROR(SegmentationCompensator{s}, "max_unnamed_s");
   s = Settings(), s.max_prediction_s = std::nan("");
   EXPECT_ERROR(SegmentationCompensator{s}, "max_prediction_s");
   s = Settings(), s.max_speed_m_s = -1;

@@ -218,7 +218,9 @@ class SegmentationCompensator {
     if (seen) object.seen_s = frame.timestamp;
     // A late segmenter gives few results: one that misses the object must not end it.
     const double known_s = late_ ? std::max(object.seen_s, last_result_at_s_) : object.seen_s;
-    const bool too_old = frame.timestamp - known_s > settings_.max_prediction_s;
+    const bool too_old =
+        frame.timestamp - known_s >
+        (object.class_name.empty() ? settings_.max_unnamed_s : settings_.max_prediction_s);
     if (!seen && too_old) {
       object.alive = false;
       status_ |= kMaskStale;

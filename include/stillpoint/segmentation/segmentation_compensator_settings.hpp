@@ -34,7 +34,7 @@ struct SegmentationCompensatorSettings {
   /// Share of the object's measured pixels whose depth must agree with it.
   double min_depth_support = 0.5;
   /// How many results of the segmenter in a row may miss an object before it is forgotten. Objects
-  /// without a class, of which a segmenter says nothing, are bounded by max_prediction_s alone.
+  /// without a class, of which a segmenter says nothing, are bounded by max_unnamed_s alone.
   int max_restored_frames = 8;
   /// A result that misses an object counts as two of them where the object would move
   /// by less than so many pixels during the exposure and the edges are sharp: who is there is
@@ -42,6 +42,9 @@ struct SegmentationCompensatorSettings {
   double sharp_px = 4;
   /// How long an object is carried along without being seen, where no results end it before.
   double max_prediction_s = 0.6;
+  /// The same for an object without a class: the motion check finds it again as soon as it moves,
+  /// and the depth says whether it is still there.
+  double max_unnamed_s = 1.8;
   /// Bound on an object's own speed.
   double max_speed_m_s = 3;
 
@@ -69,6 +72,7 @@ struct SegmentationCompensatorSettings {
     if (max_restored_frames < 0) fail("max_restored_frames", "at least 0", max_restored_frames);
     if (!(sharp_px >= 0)) fail("sharp_px", "at least 0", sharp_px);
     if (!(max_prediction_s >= 0)) fail("max_prediction_s", "at least 0", max_prediction_s);
+    if (!(max_unnamed_s >= 0)) fail("max_unnamed_s", "at least 0", max_unnamed_s);
     if (!(max_speed_m_s >= 0)) fail("max_speed_m_s", "at least 0", max_speed_m_s);
   }
 };
