@@ -255,19 +255,23 @@ TEST(SegmentationCompensator, FollowsObjectsThatChangeTheirOrder) {
 
 TEST(SegmentationCompensator, OnlyTimeEndsWhatTheSegmenterHasNoNameFor) {
   const Walker box{140, 80, 0, 0};
-  for (const char* name : {"", "person"}) {
+  // How many frames it is restored in, after it was seen in `seen` of them.
+  const auto restored = [&](const char* name, int seen) {
     Show show;
     double t = 0;
     Instance instance = box_instance(box.at(0).box, show.scene.size, name);
-    for (int i = 0; i < 3; ++i, t += 0.033)
+    for (int i = 0; i < seen; ++i, t += 0.033)
       show.compensator.compensate(show.scene.frame(kStart + t, {box.at(t)}), result({instance}));
-    std::size_t restored = 0;
-    for (int i = 0; i < 80; ++i, t += 0.033) restored += show.show(t, {}, {box}).instances.size();
-    if (*name)
-      EXPECT_EQ(restored, 8u);
-    else
-      EXPECT_NEAR(static_cast<double>(restored), Settings().max_unnamed_s / 0.033, 1.5);
-  }
+    std::size_t n = 0;
+    for (int i = 0; i < 80; ++i, t += 0.033) n += show.show(t, {}, {box}).instances.size();
+    return static_cast<double>(n);
+  };
+  const Settings settings;
+  EXPECT_EQ(restored("person", 3), 8);
+  EXPECT_EQ(restored("person", 30), 8);
+  EXPECT_NEAR(restored("", 1), settings.max_prediction_s / 0.033, 1.5);
+  EXPECT_NEAR(restored("", 4), (settings.max_prediction_s + 0.3) / 0.033, 1.5);
+  EXPECT_NEAR(restored("", 30), settings.max_unnamed_s / 0.033, 1.5);
 }
 
 TEST(SegmentationCompensator, ForgetsAfterTooManyMisses) {

@@ -38,6 +38,8 @@ class RememberedObject {
   float score = 1;
   /// Timestamp of the last frame in which the segmenter showed it.
   double seen_s = 0;
+  /// How long it has been seen, seconds.
+  double seen_for_s = 0;
   /// How many of the segmenter's results in a row had to be mended; those of sharp pictures may
   /// count twice.
   int mended = 0;

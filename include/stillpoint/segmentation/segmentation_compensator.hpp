@@ -144,6 +144,7 @@ class SegmentationCompensator {
 
  private:
   static constexpr std::size_t kFewestPoints = 4;
+  static constexpr double kGapS = 0.1;  // between two frames that count as seen in a row
 
   std::size_t history() const { return static_cast<std::size_t>(settings_.history); }
 
@@ -215,12 +216,13 @@ class SegmentationCompensator {
   void judge(const RgbdFrame& frame, std::size_t j, bool look) {
     RememberedObject& object = objects_[j];
     const bool seen = instance_of_[j] >= 0;
-    if (seen) object.seen_s = frame.timestamp;
+    if (seen) {
+      object.seen_for_s += std::min(frame.timestamp - object.seen_s, kGapS);
+      object.seen_s = frame.timestamp;
+    }
     // A late segmenter gives few results: one that misses the object must not end it.
     const double known_s = late_ ? std::max(object.seen_s, last_result_at_s_) : object.seen_s;
-    const bool too_old =
-        frame.timestamp - known_s >
-        (object.class_name.empty() ? settings_.max_unnamed_s : settings_.max_prediction_s);
+    const bool too_old = frame.timestamp - known_s > bound_s(object);
     if (!seen && too_old) {
       object.alive = false;
       status_ |= kMaskStale;
@@ -257,6 +259,14 @@ class SegmentationCompensator {
       return;
     }
     restore(frame.color.size(), j);
+  }
+
+  // How long an object is carried along without being seen. Without a class, it is trusted longer
+  // the longer it was seen: what the motion check finds only once may be nothing.
+  double bound_s(const RememberedObject& object) const {
+    if (!object.class_name.empty()) return settings_.max_prediction_s;
+    const double longer = settings_.max_prediction_s + 3 * object.seen_for_s;
+    return std::max(settings_.max_prediction_s, std::min(settings_.max_unnamed_s, longer));
   }
 
   // Writes the object's predicted mask as an instance, or unites it with what was seen of it.

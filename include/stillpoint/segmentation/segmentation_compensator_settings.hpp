@@ -42,8 +42,9 @@ struct SegmentationCompensatorSettings {
   double sharp_px = 4;
   /// How long an object is carried along without being seen, where no results end it before.
   double max_prediction_s = 0.6;
-  /// The same for an object without a class: the motion check finds it again as soon as it moves,
-  /// and the depth says whether it is still there.
+  /// The same for an object without a class, if it was seen for a while: the motion check finds it
+  /// again as soon as it moves, and the depth says whether it is still there. Each second of being
+  /// seen gives three more than max_prediction_s, up to this.
   double max_unnamed_s = 1.8;
   /// Bound on an object's own speed.
   double max_speed_m_s = 3;
