@@ -18,6 +18,26 @@
 
 namespace stillpoint {
 
+namespace detail {
+
+/// For each of n points its cell in a grid from `origin` on, row by row; the first or last ones for
+/// points beyond.
+inline void find_cells(const cv::Point2f* STILLPOINT_RESTRICT points, std::size_t n,
+                       const cv::Point2f& origin, float per_cell, const cv::Size& grid,
+                       int* STILLPOINT_RESTRICT cells) {
+  const float left = origin.x, top = origin.y;
+  const float last_x = static_cast<float>(grid.width - 1);
+  const float last_y = static_cast<float>(grid.height - 1);
+  const int columns = grid.width;
+  for (std::size_t i = 0; i < n; ++i) {
+    const float u = (points[i].x - left) * per_cell, v = (points[i].y - top) * per_cell;
+    const float x = u < 0 ? 0 : u > last_x ? last_x : u, y = v < 0 ? 0 : v > last_y ? last_y : v;
+    cells[i] = static_cast<int>(y) * columns + static_cast<int>(x);
+  }
+}
+
+}  // namespace detail
+
 /// True if `b` lies within `radius` of `a` (inclusive): the one definition of "neighbor" that every
 /// neighbor search ends with, so that all give the same neighbors.
 inline bool within_radius(const cv::Point2f& a, const cv::Point2f& b, float radius) {
@@ -61,7 +81,7 @@ class GridNeighborSearch {
     detail::refill(start_, static_cast<std::size_t>(columns_) * static_cast<std::size_t>(rows_) + 1,
                    0);
     cell_of_.resize(n);
-    find_cells(points.data(), n, cell_of_.data());
+    detail::find_cells(points.data(), n, min_, per_cell_, {columns_, rows_}, cell_of_.data());
     for (const int c : cell_of_) ++start_[static_cast<std::size_t>(c) + 1];
     for (std::size_t c = 1; c < start_.size(); ++c) start_[c] += start_[c - 1];
     // Points of a cell, and cells of a row, lie together in memory.
@@ -98,7 +118,7 @@ class GridNeighborSearch {
   }
 
  private:
-  // For n points from `begin` on, at most 64, a bit each: 1 within the radius.
+  // For n points from `begin` on, at most 64, a bit each: 1 where within_radius() is true.
   std::uint64_t near_bits(const cv::Point2f& query, std::size_t begin, std::size_t n) const {
     std::uint64_t bits = 0;
 #if defined(__SSE2__)
@@ -137,16 +157,6 @@ class GridNeighborSearch {
 
   static constexpr float kMaxCellsPerSide = 512;
   static constexpr std::size_t kVector = 4, kChunk = 64;
-
-  // As row() and column(), for points that lie in the grid.
-  void find_cells(const cv::Point2f* STILLPOINT_RESTRICT points, std::size_t n,
-                  int* STILLPOINT_RESTRICT cells) const {
-    const float left = min_.x, top = min_.y, per_cell = per_cell_;
-    const int columns = columns_;
-    for (std::size_t i = 0; i < n; ++i)
-      cells[i] = static_cast<int>((points[i].y - top) * per_cell) * columns +
-                 static_cast<int>((points[i].x - left) * per_cell);
-  }
 
   int column(float x) const { return index(x - min_.x); }
   int row(float y) const { return index(y - min_.y); }

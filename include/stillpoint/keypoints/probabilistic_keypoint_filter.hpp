@@ -10,7 +10,6 @@
 #include <vector>
 
 #include "stillpoint/core/byte_rows.hpp"
-#include "stillpoint/core/config.hpp"
 #include "stillpoint/core/error.hpp"
 #include "stillpoint/core/frame.hpp"
 #include "stillpoint/core/keypoint.hpp"
@@ -156,8 +155,8 @@ class ProbabilisticKeypointFilter {
     mark_near_cells();
     all_.build(points_, settings_.radius_px);
     dynamic_search_.build(dynamic_points_, settings_.radius_px);
-    asked_.resize(points_.size()), cell_of_.resize(points_.size());
-    find_cells(points_.data(), points_.size(), cell_of_.data());
+    asked_.resize(points_.size());
+    find_cells(points_);
     std::size_t asked = 0;
     for (std::size_t i = 0; i < points_.size(); ++i) {
       asked_[asked] = i;
@@ -203,8 +202,7 @@ class ProbabilisticKeypointFilter {
     const std::size_t window = static_cast<std::size_t>(2 * steps + 1);
     detail::refill(near_, size + window * stride, std::uint8_t{0});
     detail::refill(before_, size + window * stride, std::uint8_t{0});
-    cell_of_.resize(dynamic_points_.size());
-    find_cells(dynamic_points_.data(), dynamic_points_.size(), cell_of_.data());
+    find_cells(dynamic_points_);
     for (const int c : cell_of_)
       near_[static_cast<std::size_t>(c) + static_cast<std::size_t>(steps) * (stride + 1)] = 1;
     for (const std::size_t step : {std::size_t{1}, stride})
@@ -216,16 +214,10 @@ class ProbabilisticKeypointFilter {
       }
   }
 
-  void find_cells(const cv::Point2f* STILLPOINT_RESTRICT points, std::size_t n,
-                  int* STILLPOINT_RESTRICT cells) const {
-    const float left = left_, top = top_, per_cell = per_cell_;
-    const float last_x = static_cast<float>(columns_ - 1), last_y = static_cast<float>(rows_ - 1);
-    const int columns = columns_;
-    for (std::size_t i = 0; i < n; ++i) {
-      const float u = (points[i].x - left) * per_cell, v = (points[i].y - top) * per_cell;
-      const float x = u < 0 ? 0 : u > last_x ? last_x : u, y = v < 0 ? 0 : v > last_y ? last_y : v;
-      cells[i] = static_cast<int>(y) * columns + static_cast<int>(x);
-    }
+  void find_cells(const std::vector<cv::Point2f>& points) {
+    cell_of_.resize(points.size());
+    detail::find_cells(points.data(), points.size(), {left_, top_}, per_cell_, {columns_, rows_},
+                       cell_of_.data());
   }
 
   void remove() {

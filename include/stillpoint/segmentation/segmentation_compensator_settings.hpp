@@ -34,7 +34,7 @@ struct SegmentationCompensatorSettings {
   /// Share of the object's measured pixels whose depth must agree with it.
   double min_depth_support = 0.5;
   /// How many results of the segmenter in a row may miss an object before it is forgotten. Objects
-  /// without a class, of which a segmenter says nothing, are bounded by max_unnamed_s alone.
+  /// without a class, of which a segmenter says nothing, are bounded by time alone.
   int max_restored_frames = 8;
   /// A result that misses an object counts as two of them where the object would move
   /// by less than so many pixels during the exposure and the edges are sharp: who is there is
