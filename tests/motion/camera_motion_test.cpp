@@ -33,16 +33,15 @@ double texture(double x, double y, double size_m, int plane) {
 /// if `box_x` is a number, a textured board 1.2 m ahead that is 0.44 m wide and as high as the
 /// picture: a good part of the corners, little area.
 RgbdFrame render(double timestamp, const Eigen::Isometry3d& T_world_camera, double box_x = NAN,
-                 double half_width_m = 0.22) {
-  const Camera camera = small_camera();
+                 double half_width_m = 0.22, const Camera& camera = small_camera()) {
   RgbdFrame frame;
   frame.timestamp = timestamp;
   frame.depth_units_per_m = 5000;
-  frame.color.create(kHeight, kWidth, CV_8UC1);
-  frame.depth.create(kHeight, kWidth, CV_16UC1);
+  frame.color.create(camera.height, camera.width, CV_8UC1);
+  frame.depth.create(camera.height, camera.width, CV_16UC1);
   const Eigen::Vector3d o = T_world_camera.translation();
-  for (int y = 0; y < kHeight; ++y)
-    for (int x = 0; x < kWidth; ++x) {
+  for (int y = 0; y < camera.height; ++y)
+    for (int x = 0; x < camera.width; ++x) {
       const Eigen::Vector3d d = T_world_camera.linear() * camera.unproject(x, y, 1);
       double z = (3.2 + 0.6 * o.x() - o.z()) / (d.z() - 0.6 * d.x());
       Eigen::Vector3d p = o + z * d;
@@ -67,9 +66,10 @@ Eigen::Isometry3d pose(double x, double y, double turn_deg) {
   return T;
 }
 
-void add(CameraMotion& motion, const RgbdFrame& frame, const Eigen::Isometry3d& guess) {
+void add(CameraMotion& motion, const RgbdFrame& frame, const Eigen::Isometry3d& guess,
+         const Camera& camera = small_camera()) {
   DepthView view;
-  view.set(frame, small_camera());
+  view.set(frame, camera);
   motion.add(frame, view, guess, [](int, int) { return false; });
 }
 
@@ -78,7 +78,7 @@ double turn_deg(const Eigen::Isometry3d& T) {
 }
 
 TEST(CameraMotion, MeasuresTheMotionInAStaticWorld) {
-  const Eigen::Isometry3d first = pose(0, 0, 0), second = pose(0.03, -0.01, 1.5);
+  const Eigen::Isometry3d first = pose(0, 0, 0), second = pose(0.015, -0.005, 0.75);
   CameraMotion motion;
   add(motion, render(0, first), Eigen::Isometry3d::Identity());
   EXPECT_FALSE(motion.estimate(Eigen::Isometry3d::Identity()).has_value());
@@ -112,11 +112,51 @@ TEST(CameraMotion, KeepsToTheWallAlthoughTheHostGoesWithAPersonCloseBy) {
   EXPECT_TRUE(motion.dissents(found->T_current_last, with_board).empty());
 }
 
+/// The same camera with more pixels.
+Camera enlarged(double factor) {
+  Camera camera = small_camera();
+  camera.fx *= factor, camera.fy *= factor;
+  camera.cx = (camera.cx + 0.5) * factor - 0.5, camera.cy = (camera.cy + 0.5) * factor - 0.5;
+  camera.width = static_cast<int>(camera.width * factor);
+  camera.height = static_cast<int>(camera.height * factor);
+  return camera;
+}
+
+TEST(CameraMotion, TreatsPicturesOfAllSizesAlike) {
+  const Eigen::Isometry3d first = pose(0, 0, 0), second = pose(0.01, 0, 0.2);
+  for (const double factor : {0.75, 1.0, 2.0, 2.65, 4.0}) {
+    SCOPED_TRACE(factor);
+    const Camera camera = enlarged(factor);
+    CameraMotion motion;
+    add(motion, render(0, first, 0.0, 0.22, camera), Eigen::Isometry3d::Identity(), camera);
+    add(motion, render(0.03, second, -0.02, 0.22, camera), Eigen::Isometry3d::Identity(), camera);
+    EXPECT_GT(motion.followed(), 80u);
+    const auto found = motion.estimate(Eigen::Isometry3d::Identity());
+    ASSERT_TRUE(found.has_value());
+    const Eigen::Isometry3d error = found->T_current_last * (second.inverse() * first).inverse();
+    EXPECT_LT(error.translation().norm(), 0.004);
+    EXPECT_LT(turn_deg(error), 0.08);
+    const auto& dissents = motion.dissents(found->T_current_last, found->T_current_last);
+    EXPECT_GT(dissents.size(), 10u);
+    for (const CameraMotion::Dissent& d : dissents) EXPECT_LT(d.depth_m, 1.5);
+  }
+}
+
+TEST(CameraMotion, BeginsAnewWhenTheSizeOfThePictureChanges) {
+  const Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+  CameraMotion motion;
+  add(motion, render(0, T, NAN, 0.22, enlarged(2)), T, enlarged(2));
+  add(motion, render(0.03, T), T);  // as many fine pixels
+  EXPECT_EQ(motion.followed(), 0u);
+  add(motion, render(0.06, T), T);
+  EXPECT_GT(motion.followed(), 80u);
+}
+
 TEST(CameraMotion, HearsDissentsThatAreMostOfTheCorners) {
-  const Eigen::Isometry3d first = pose(0, 0, 0), second = pose(0.02, 0, 0);
+  const Eigen::Isometry3d first = pose(0, 0, 0), second = pose(0.01, 0, 0);
   CameraMotion motion;
   add(motion, render(0, first, 0.0, 0.38), Eigen::Isometry3d::Identity());
-  add(motion, render(0.03, second, -0.03, 0.38), Eigen::Isometry3d::Identity());
+  add(motion, render(0.03, second, -0.02, 0.38), Eigen::Isometry3d::Identity());
   const Eigen::Isometry3d truth = second.inverse();
   EXPECT_LT((motion.estimate(truth)->T_current_last * second).translation().norm(), 0.004);
   EXPECT_GT(2 * motion.dissents(truth, truth).size(), motion.followed());

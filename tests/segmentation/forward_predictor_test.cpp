@@ -6,6 +6,7 @@
 #include <cmath>
 #include <functional>
 #include <limits>
+#include <opencv2/imgproc.hpp>
 #include <vector>
 
 #include "../flat_scene.hpp"
@@ -129,6 +130,31 @@ TEST(ForwardPredictor, TellsTheAgeOfTheMask) {
   Segmentation late = result(walk.people(3));
   late.timestamp = time_of(3);
   EXPECT_NEAR(plain.compute_mask(walk.frame(5), late).age_s, 2 / 30.0, 1e-6);
+}
+
+TEST(ForwardPredictor, WidensByAgeOnlyWhatASegmenterSaid) {
+  LateSegmentationSettings late;
+  EXPECT_EQ(late.widening_px(0.5), 0);
+  EXPECT_EQ(late.widening_px(0.75), 10);
+  EXPECT_EQ(late.widening_px(1.4), 20);
+  EXPECT_EQ(late.widening_px(1.6), 0);
+  EXPECT_EQ(late.widening_px(std::numeric_limits<double>::infinity()), 0);
+
+  // The motion check's finds are of this frame, however long ago a segmenter said something.
+  const Walk walk;
+  FrontEndSettings settings = FrontEndSettings::with_motion();
+  settings.depth.dilation_per_blur_px = 0;
+  FrontEnd front_end(settings, walk.scene.camera());
+  int frames = 0;
+  for (int i = 0; i < 30; ++i) {
+    front_end.compute_mask(walk.frame(i), walk.motion());
+    if (cv::countNonZero(front_end.undilated_mask()) == 0) continue;
+    ++frames;
+    const cv::Rect found = cv::boundingRect(front_end.undilated_mask());
+    EXPECT_LE(cv::boundingRect(front_end.mask().image).width,
+              found.width + 2 * settings.depth.dilation_px);
+  }
+  EXPECT_GT(frames, 15);
 }
 
 TEST(ForwardPredictor, WidensOldMasksThenDropsThem) {

@@ -62,8 +62,9 @@ class CameraMotion {
     std::swap(last_, current_);
     begin(frame, depth);
     if (last_.empty || current_.empty || last_.size() != current_.size()) return;
+    const int scale = current_.scale;
     for (const Corner& c : last_.corners)
-      if (!dynamic(2 * c.x, 2 * c.y)) follow(c, depth, guess);
+      if (!dynamic(scale * c.x, scale * c.y)) follow(c, depth, guess);
     fill_blocks();
   }
 
@@ -98,7 +99,7 @@ class CameraMotion {
     const Mover move(T_current_last);
     Lanes agree = Lanes::Zero(), all = Lanes::Zero();
     for (const Block& b : blocks_) {
-      const View seen = look(b, move, kMaxErrorPx);
+      const View seen = look(b, move, max_error_px());
       // 0 where a depth that is known speaks against it.
       const Lanes excess = (b.depth - seen.z).abs() - (0.03f + 0.012f * seen.z * seen.z);
       agree += b.area * seen.nearness * (1 - (excess * b.has_depth * kHuge).max(0.0f)).max(0.0f);
@@ -115,8 +116,8 @@ class CameraMotion {
   };
 
   /// The corners that dissent from two motions (the same one twice, where there is one): off by
-  /// over two pixels, four times the median by area and what blur does, with at least two others
-  /// within 0.3 m that dissent alike, and more than do not. O(corners squared).
+  /// over two pixels (of 640 in a row), four times the median by area and what blur does, with at
+  /// least two others within 0.3 m that dissent alike, and more than do not. O(corners squared).
   const std::vector<Dissent>& dissents(const Eigen::Isometry3d& T_current_last,
                                        const Eigen::Isometry3d& another) {
     dissents_.clear();
@@ -149,24 +150,26 @@ class CameraMotion {
  private:
   static constexpr std::size_t kMinFlows = 20;
   static constexpr int kHypotheses = 100;
-  static constexpr float kMaxErrorPx = 0.8f;  // of the whole picture's
+  // In fine pixels (see Picture).
+  static constexpr float kMaxError = 0.4f;
+  static constexpr float kLeastDissent = 1.0f;
   static constexpr float kBlurError = 0.15f;  // of a corner's way: what is blurred is followed ill
   static constexpr float kLeastDepth = 0.2f;  // metres, before the camera
   static constexpr float kHuge = 1e30f;       // makes 1 of what is not 0
   static constexpr double kTinyStep = 1e-5;
   static constexpr double kMinSupport = 0.3, kPromising = 0.5, kUsual = 0.95;
-  static constexpr int kNearPx = 8, kFarPx = 16;  // the patch on the half and the quarter picture
-  static constexpr int kBlock = 5;                // quarter pixels; one corner each
-  static constexpr int kRadius = 4, kSide = 8;    // of the patch: -4 to +3
+  static constexpr int kNear = 4, kFar = 8;     // the patch on the fine and the coarse picture
+  static constexpr int kBlock = 5;              // coarse pixels; one corner each
+  static constexpr int kRadius = 4, kSide = 8;  // of the patch: -4 to +3
   static constexpr int kRim = kRadius + 2;
 
-  // x, y: half pixels; depth in metres.
+  // x, y: fine pixels; depth in metres.
   struct Corner {
     int x, y;
     float depth_m, score;
   };
 
-  // A corner in space and in half pixels before, where it is seen now (u, v in whole pixels; its
+  // A corner in space and in fine pixels before, where it is seen now (u, v in whole pixels; its
   // depth or 0).
   struct Flow {
     Eigen::Vector3f from;
@@ -175,42 +178,53 @@ class CameraMotion {
     bool whole;  // no edge of depth in all of the patch
   };
 
+  // A frame in two sizes: fine, about 320 pixels in a row, so that all cameras are treated alike,
+  // and coarse, half of that.
   struct Picture {
-    cv::Mat gray, half, quarter, score;
-    cv::Mat fine_half, fine_quarter;  // CV_32FC1: read many times
+    int scale = 2;  // pixels of the frame per fine one
+    cv::Mat gray, fine, coarse, score;
+    cv::Mat fine_values, coarse_values;  // CV_32FC1: read many times
     std::vector<Corner> corners;
     std::vector<float> highest;  // score of the columns of a row of blocks
     float fx = 1, fy = 1, cx = 0, cy = 0;
+    cv::Size frame_size;
     bool empty = true;
 
-    cv::Size size() const { return half.size(); }
+    cv::Size size() const { return frame_size; }
+    // Where a fine pixel's centre is in the frame.
+    float frame_px(int fine_px) const {
+      const float s = static_cast<float>(scale);
+      return s * static_cast<float>(fine_px) + 0.5f * (s - 1);
+    }
 
     void set(const RgbdFrame& frame, const DepthView& view) {
       empty = view.empty();
       corners.clear();
       if (empty) return;
+      frame_size = frame.color.size();
+      scale = std::max(1, (frame_size.width + 160) / 320);
       if (frame.color.channels() == 3)
         cv::extractChannel(frame.color, gray, 1);
       else
         gray = frame.color;
-      cv::resize(gray, half, {gray.cols / 2, gray.rows / 2}, 0, 0, cv::INTER_AREA);
-      cv::resize(half, quarter, {half.cols / 2, half.rows / 2}, 0, 0, cv::INTER_AREA);
-      half.convertTo(fine_half, CV_32F);
-      quarter.convertTo(fine_quarter, CV_32F);
-      cv::cornerMinEigenVal(quarter, score, 3);
+      shrink(gray, scale, fine);
+      shrink(fine, 2, coarse);
+      fine.convertTo(fine_values, CV_32F);
+      coarse.convertTo(coarse_values, CV_32F);
+      cv::cornerMinEigenVal(coarse, score, 3);
       fx = view.focal_px(), fy = view.focal_y_px(), cx = view.center_x(), cy = view.center_y();
-      for (int y0 = kRim; y0 + kBlock + kRim <= quarter.rows; y0 += kBlock) {
-        highest.resize(static_cast<std::size_t>(quarter.cols));
-        std::copy_n(score.ptr<float>(y0), quarter.cols, highest.begin());
+      for (int y0 = kRim; y0 + kBlock + kRim <= coarse.rows; y0 += kBlock) {
+        highest.resize(static_cast<std::size_t>(coarse.cols));
+        std::copy_n(score.ptr<float>(y0), coarse.cols, highest.begin());
         for (int y = y0 + 1; y < y0 + kBlock; ++y)
-          raise(score.ptr<float>(y), static_cast<std::size_t>(quarter.cols), highest.data());
-        for (int x0 = kRim; x0 + kBlock + kRim <= quarter.cols; x0 += kBlock) {
+          raise(score.ptr<float>(y), static_cast<std::size_t>(coarse.cols), highest.data());
+        for (int x0 = kRim; x0 + kBlock + kRim <= coarse.cols; x0 += kBlock) {
           const float* column = highest.data() + x0;
           float most = column[0];
           for (int x = 1; x < kBlock; ++x) most = std::max(most, column[x]);
           if (!(most > kMinScore)) continue;
           Corner best = first_of_block(x0, y0, most);
-          best.depth_m = whole_depth(view, 2 * best.x, 2 * best.y, kNearPx);
+          best.depth_m = whole_depth(view, scale * best.x, scale * best.y, kNear, scale);
           if (best.depth_m > 0) corners.push_back(best);
         }
       }
@@ -222,6 +236,15 @@ class CameraMotion {
             });
         corners.resize(kMaxCorners);
       }
+    }
+
+    // By a whole factor; a rest of rows or columns is left out.
+    static void shrink(const cv::Mat& from, int factor, cv::Mat& to) {
+      const cv::Size size(from.cols / factor, from.rows / factor);
+      if (factor == 1)
+        to = from;
+      else
+        cv::resize(from(cv::Rect(cv::Point(), size * factor)), to, size, 0, 0, cv::INTER_AREA);
     }
 
     // Where a block of `score` reaches its highest value first.
@@ -242,21 +265,23 @@ class CameraMotion {
   static constexpr std::size_t kMaxCorners = 250;
   static constexpr float kMinScore = 2e-4f;
 
-  // Depth around a pixel; 0 where it is not measured or torn by an edge.
-  static float whole_depth(const DepthView& view, int u, int v, int reach) {
+  // Depth around a pixel, up to `fine_reach` fine pixels away; 0 where it is not measured or torn
+  // by an edge.
+  static float whole_depth(const DepthView& view, int u, int v, int fine_reach, int scale) {
+    const int reach = fine_reach * scale, step = 2 * scale;
     if (u < reach || v < reach || u + reach >= view.size().width || v + reach >= view.size().height)
       return 0;
     std::uint16_t lo = 65535, hi = 0;  // lo: one less, so that 0, no measurement, is the highest
-    for (int y = v - reach; y <= v + reach; y += 4) {
+    for (int y = v - reach; y <= v + reach; y += step) {
       const std::uint16_t* row = view.row(y) + u;
-      for (int x = -reach; x <= reach; x += 4) {
+      for (int x = -reach; x <= reach; x += step) {
         lo = std::min(lo, static_cast<std::uint16_t>(row[x] - 1));
         hi = std::max(hi, row[x]);
       }
     }
     int sum = 0, n = 0;
-    for (int y = v - 4; y <= v + 4; y += 4)
-      for (int x = u - 4; x <= u + 4; x += 4) {
+    for (int y = v - step; y <= v + step; y += step)
+      for (int x = u - step; x <= u + step; x += step) {
         const std::uint16_t z = view.row(y)[x];
         sum += z, n += z != 0;
       }
@@ -284,8 +309,10 @@ class CameraMotion {
     std::sort(sorted_.begin(), sorted_.end());
     std::size_t middle = 0;
     while (middle + 1 < sorted_.size() && (half -= sorted_[middle].second) > 0) ++middle;
-    return std::max(2.0f, 4 * sorted_[middle].first);
+    return std::max(kLeastDissent * static_cast<float>(current_.scale), 4 * sorted_[middle].first);
   }
+
+  float max_error_px() const { return kMaxError * static_cast<float>(current_.scale); }
 
   Eigen::Vector2f error_px(const Flow& f, const Eigen::Vector3f& q) const {
     if (q.z() < kLeastDepth) return {1e6f, 1e6f};
@@ -350,9 +377,8 @@ class CameraMotion {
   }
 
   void follow(const Corner& c, const DepthView& depth, const Eigen::Isometry3d& guess) {
-    // The pixel of half pixel i is 2 i + 0.5.
-    const float u0 = 2.0f * static_cast<float>(c.x) + 0.5f;
-    const float v0 = 2.0f * static_cast<float>(c.y) + 0.5f;
+    const int scale = current_.scale;
+    const float u0 = current_.frame_px(c.x), v0 = current_.frame_px(c.y);
     Flow f;
     f.x = c.x, f.y = c.y;
     f.from = {(u0 - last_.cx) / last_.fx * c.depth_m, (v0 - last_.cy) / last_.fy * c.depth_m,
@@ -361,21 +387,22 @@ class CameraMotion {
     if (q.z() < kLeastDepth) return;
     float du = current_.fx * q.x() / q.z() + current_.cx - u0;
     float dv = current_.fy * q.y() / q.z() + current_.cy - v0;
-    if (!shift(last_.fine_quarter, current_.fine_quarter, c.x / 2, c.y / 2, 4, 0.1f, du, dv))
+    if (!shift(last_.coarse_values, current_.coarse_values, c.x / 2, c.y / 2, 2 * scale, 0.1f, du,
+               dv) ||
+        !shift(last_.fine_values, current_.fine_values, c.x, c.y, scale, 0.02f, du, dv))
       return;
-    if (!shift(last_.fine_half, current_.fine_half, c.x, c.y, 2, 0.02f, du, dv)) return;
     f.u = u0 + du, f.v = v0 + dv;
     f.area = std::min(c.depth_m, 4.0f) * std::min(c.depth_m, 4.0f);
     const int u = static_cast<int>(f.u + 0.5f), v = static_cast<int>(f.v + 0.5f);
-    f.depth_m = whole_depth(depth, u, v, kFarPx);
+    f.depth_m = whole_depth(depth, u, v, kFar, scale);
     f.whole = f.depth_m > 0;
-    if (!f.whole) f.depth_m = whole_depth(depth, u, v, kNearPx);
+    if (!f.whole) f.depth_m = whole_depth(depth, u, v, kNear, scale);
     flows_.push_back(f);
   }
 
   // How far it went in the picture.
-  static float length_px(const Flow& f) {
-    const float du = f.u - 2 * static_cast<float>(f.x), dv = f.v - 2 * static_cast<float>(f.y);
+  float length_px(const Flow& f) const {
+    const float du = f.u - current_.frame_px(f.x), dv = f.v - current_.frame_px(f.y);
     return std::sqrt(du * du + dv * dv);
   }
 
@@ -507,7 +534,7 @@ class CameraMotion {
     g.fill(Lanes::Zero());
     Lanes count = Lanes::Zero();
     for (const Block& b : blocks_) {
-      const View s = look(b, move, kMaxErrorPx);
+      const View s = look(b, move, max_error_px());
       const Lanes weight = b.area * s.nearness * s.nearness, inverse = 1 / s.z;
       count += (weight * kHuge).min(1.0f);
       // Rows of the Jacobian; the first has no second entry and the second no first.

@@ -24,8 +24,8 @@ namespace stillpoint {
 
 /// Settings of MotionCheck.
 struct MotionCheckSettings {
-  /// Side of a cell.
-  int block_px = 8;
+  /// Side of a cell, an even number. 0: about 1/80 of the picture's width.
+  int block_px = 0;
   /// Least number of cells, and least area, that must stand in space that was seen to be free
   /// before a region counts as moved.
   int min_moved_cells = 6;
@@ -47,8 +47,8 @@ struct MotionCheckSettings {
       throw Error(std::string("MotionCheckSettings.") + name + ": expected " + expected +
                   ", found " + std::to_string(found));
     };
-    if (block_px < 2 || block_px > 64 || block_px % 2)
-      fail("block_px", "an even number, 2 to 64", block_px);
+    if (block_px < 0 || block_px > 64 || block_px % 2)
+      fail("block_px", "an even number, 0 to 64", block_px);
     if (min_moved_cells < 1) fail("min_moved_cells", "at least 1", min_moved_cells);
     if (!(min_moved_area_m2 >= 0)) fail("min_moved_area_m2", "at least 0", min_moved_area_m2);
     if (!(min_moved_share >= 0 && min_moved_share <= 1))
@@ -95,7 +95,7 @@ class MotionCheck {
                                     const std::optional<Eigen::Isometry3d>& T_current_last) {
     check_frame(frame);
     found_.clear();
-    judged_ = false;
+    judged_ = remembered_ = false;
     view_.set(frame, camera_);
     if (frame.timestamp <= last_s_ || (T_current_last && is_cut(*T_current_last))) reset();
     last_s_ = frame.timestamp;
@@ -104,7 +104,12 @@ class MotionCheck {
       return found_;
     }
     const bool measured = view_.any_measured();
-    size_ = frame.color.size();
+    if (size_ != frame.color.size()) {
+      reset();
+      size_ = frame.color.size();
+      block_ = settings_.block_px > 0 ? settings_.block_px
+                                      : std::clamp(2 * ((size_.width + 80) / 160), 2, 64);
+    }
     motion_ = choose_motion(frame, T_current_last);
     if (!motion_ && !memory_.empty()) reset();
     if (motion_) {
@@ -112,7 +117,7 @@ class MotionCheck {
       T_world_camera_ = T_world_camera_ * motion_->inverse();
       normalize(T_world_camera_);
     }
-    current_.set(view_, settings_.block_px);
+    current_.set(view_, block_);
     judged_ = true;
     if (measured)
       memory_.judge(frame.timestamp, T_world_camera_, current_, evidence_);
@@ -141,7 +146,7 @@ class MotionCheck {
       } else if (trusts(step.inverse())) {
         T_world_camera_ = last_pose_ * step;
         normalize(T_world_camera_);
-        memory_.set_newest_pose(T_world_camera_);
+        if (remembered_) memory_.set_newest_pose(T_world_camera_);
       }
     }
     host_pose_ = T_world_camera;
@@ -156,7 +161,7 @@ class MotionCheck {
       return "MotionCheck::remember: expected CV_8UC1 of the frame's size, found " +
              detail::type_text(dynamic) + " " + detail::size_text(dynamic);
     });
-    const int b = settings_.block_px;
+    const int b = block_;
     dynamic_.assign(current_.size(), 0);
     for (int y = 0; y < current_.height; ++y)
       for (int k = b / 4; k < b; k += b / 2) {
@@ -166,6 +171,7 @@ class MotionCheck {
               static_cast<std::uint8_t>((row[x * b + b / 4] | row[x * b + b / 4 + b / 2]) != 0);
       }
     memory_.add(last_s_, T_world_camera_, current_, dynamic_);
+    remembered_ = true;
   }
 
   /// Forgets everything (a cut in the sequence).
@@ -192,7 +198,7 @@ class MotionCheck {
     const Eigen::Isometry3d guess = host      ? *host
                                     : motion_ ? *motion_
                                               : Eigen::Isometry3d::Identity();
-    const int b = settings_.block_px;
+    const int b = block_;
     camera_motion_.add(frame, view_, guess, [&](int u, int v) {
       const int x = u / b, y = v / b;
       return dynamic_.size() == current_.size() && x < current_.width && y < current_.height &&
@@ -218,7 +224,7 @@ class MotionCheck {
   // Surfaces around corners that move for themselves have moved, whatever else speaks for them: a
   // slow surface lies over where it was a moment ago.
   void hear_dissents(const std::optional<Eigen::Isometry3d>& host) {
-    const float per_cell = 1.0f / static_cast<float>(settings_.block_px);
+    const float per_cell = 1.0f / static_cast<float>(block_);
     const Eigen::Isometry3d& seen = seen_motion_->T_current_last;
     for (const CameraMotion::Dissent& d :
          camera_motion_.dissents(seen, host && trusts(*host) ? *host : seen)) {
@@ -286,7 +292,7 @@ class MotionCheck {
   }
 
   void add_instance(const cv::Rect& cells) {
-    const int b = settings_.block_px;
+    const int b = block_;
     if (buffers_.size() <= found_.size()) buffers_.resize(found_.size() + 1);
     std::vector<uchar>& buffer = buffers_[found_.size()];
     found_.emplace_back();
@@ -305,6 +311,7 @@ class MotionCheck {
   Camera camera_;
   DepthView view_;
   cv::Size size_;
+  int block_ = 8;  // side of a cell, pixels
   CoarseFrame current_;
   CameraMotion camera_motion_;
   std::optional<CameraMotion::Estimate> seen_motion_;
@@ -315,7 +322,7 @@ class MotionCheck {
   Eigen::Isometry3d last_pose_ = Eigen::Isometry3d::Identity();  // at the host's last pose
   std::optional<Eigen::Isometry3d> host_pose_;
   double last_s_ = -1e300;
-  bool judged_ = false;
+  bool judged_ = false, remembered_ = false;  // the last frame
   std::vector<State> state_;
   std::vector<Visit> queue_;
   std::vector<std::uint8_t> dynamic_;

@@ -30,9 +30,10 @@ struct LateSegmentationSettings {
     at_least_0("widen_after_s", widen_after_s);
     at_least_0("widen_px_per_s", widen_px_per_s);
   }
-  /// Pixels to add to the dilation of a mask of that age.
+  /// Pixels to add to the dilation of a mask of that age. None beyond the greatest age: such a mask
+  /// has nothing of a segmentation.
   int widening_px(double age_s) const {
-    return age_s > widen_after_s
+    return age_s > widen_after_s && age_s <= max_age_s
                ? static_cast<int>(std::min(20.0, widen_px_per_s * (age_s - widen_after_s)))
                : 0;
   }
