@@ -116,7 +116,7 @@ class CameraMotion {
   };
 
   /// The corners that dissent from two motions (the same one twice, where there is one): off by
-  /// over two pixels (of 640 in a row), four times the median by area and what blur does, with at
+  /// over 1.3 pixels (of 640 in a row), four times the median by area and what blur does, with at
   /// least two others within 0.3 m that dissent alike, and more than do not. O(corners squared).
   const std::vector<Dissent>& dissents(const Eigen::Isometry3d& T_current_last,
                                        const Eigen::Isometry3d& another) {
@@ -126,16 +126,16 @@ class CameraMotion {
     other_errors_ = errors_;
     const float limit = measure_errors(T_current_last);
     for (std::size_t i = 0; i < flows_.size(); ++i) {
-      const float size = errors_[i].norm();
+      const float size = told(i, errors_);
       if (size < std::max(limit, kBlurError * length_px(flows_[i])) ||
-          other_errors_[i].norm() < limit_another || !flows_[i].whole)
+          told(i, other_errors_) < limit_another || !flows_[i].whole)
         continue;
       int with = 0, against = 0;
       for (std::size_t j = 0; j < flows_.size(); ++j) {
         if ((flows_[i].from - flows_[j].from).squaredNorm() > 0.3f * 0.3f) continue;
         if ((errors_[i] - errors_[j]).norm() > 0.5f * size)
           ++against;
-        else if (errors_[j].norm() >= limit && !same_patch(flows_[i], flows_[j]))
+        else if (told(j, errors_) >= limit && !same_patch(flows_[i], flows_[j]))
           ++with;
       }
       if (with >= 2 && with > against)
@@ -152,8 +152,8 @@ class CameraMotion {
   static constexpr int kHypotheses = 100;
   // In fine pixels (see Picture).
   static constexpr float kMaxError = 0.4f;
-  static constexpr float kLeastDissent = 1.0f;
-  static constexpr float kBlurError = 0.15f;  // of a corner's way: what is blurred is followed ill
+  static constexpr float kLeastDissent = 0.65f;
+  static constexpr float kBlurError = 0.12f;  // of a corner's way: what is blurred is followed ill
   static constexpr float kLeastDepth = 0.2f;  // metres, before the camera
   static constexpr float kHuge = 1e30f;       // makes 1 of what is not 0
   static constexpr double kTinyStep = 1e-5;
@@ -175,7 +175,8 @@ class CameraMotion {
     Eigen::Vector3f from;
     int x, y;
     float u, v, depth_m, area;
-    bool whole;  // no edge of depth in all of the patch
+    Eigen::Matrix2f certain;  // squares an error as far as the patch can tell it: not along an edge
+    bool whole;               // no edge of depth in all of the patch
   };
 
   // A frame in two sizes: fine, about 320 pixels in a row, so that all cameras are treated alike,
@@ -312,6 +313,11 @@ class CameraMotion {
     return std::max(kLeastDissent * static_cast<float>(current_.scale), 4 * sorted_[middle].first);
   }
 
+  // The size of a flow's error, as far as its patch can tell.
+  float told(std::size_t i, const std::vector<Eigen::Vector2f>& errors) const {
+    return std::sqrt(std::max(0.0f, errors[i].dot(flows_[i].certain * errors[i])));
+  }
+
   float max_error_px() const { return kMaxError * static_cast<float>(current_.scale); }
 
   Eigen::Vector2f error_px(const Flow& f, const Eigen::Vector3f& q) const {
@@ -388,8 +394,8 @@ class CameraMotion {
     float du = current_.fx * q.x() / q.z() + current_.cx - u0;
     float dv = current_.fy * q.y() / q.z() + current_.cy - v0;
     if (!shift(last_.coarse_values, current_.coarse_values, c.x / 2, c.y / 2, 2 * scale, 0.1f, du,
-               dv) ||
-        !shift(last_.fine_values, current_.fine_values, c.x, c.y, scale, 0.02f, du, dv))
+               dv, f.certain) ||
+        !shift(last_.fine_values, current_.fine_values, c.x, c.y, scale, 0.02f, du, dv, f.certain))
       return;
     f.u = u0 + du, f.v = v0 + dv;
     f.area = std::min(c.depth_m, 4.0f) * std::min(c.depth_m, 4.0f);
@@ -457,13 +463,15 @@ class CameraMotion {
   // and dv, in pixels of the whole one, are the guess and become what is found (Lucas and Kanade
   // with the slopes of the template, and free brightness). Ends at steps under `enough` pixels.
   static bool shift(const cv::Mat& from, const cv::Mat& to, int x, int y, int scale, float enough,
-                    float& du, float& dv) {
+                    float& du, float& dv, Eigen::Matrix2f& certain) {
     if (x < kRadius + 1 || y < kRadius + 1 || x + kRadius + 1 >= from.cols ||
         y + kRadius + 1 >= from.rows)
       return false;
     Patch patch;
     patch.set(from.ptr<float>(y - kRadius) + x - kRadius, from.step1());
     const Eigen::Matrix3f H = patch.information();
+    const float half = 0.5f * (H(0, 0) + H(1, 1)), turn = 0.5f * (H(0, 0) - H(1, 1));
+    certain = H.topLeftCorner<2, 2>() / (half + std::sqrt(turn * turn + H(0, 1) * H(0, 1)));
     Eigen::Matrix3f inverse;
     bool invertible = false;
     H.computeInverseWithCheck(inverse, invertible, 1.0f);
