@@ -47,8 +47,8 @@ void BM_CameraMotion(benchmark::State& state) {
   for (auto _ : state) {
     const RgbdFrame& frame = player.next();
     view.set(frame, scene.camera);
-    motion.add(frame, view, last, [](int, int) { return false; });
-    if (const auto found = motion.estimate(last)) last = found->T_current_last;
+    const auto found = motion.add(frame, view, last, [](int, int) { return false; });
+    if (found) last = found->T_current_last;
     followed += static_cast<double>(motion.followed());
   }
   state.counters["corners"] = followed / static_cast<double>(state.iterations());

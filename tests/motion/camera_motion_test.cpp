@@ -7,6 +7,10 @@
 #include <cmath>
 #include <cstdint>
 #include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
+#include <optional>
+#include <string>
+#include <utility>
 
 #include "small_camera.hpp"
 #include "stillpoint/core/random.hpp"
@@ -68,11 +72,12 @@ Eigen::Isometry3d pose(double x, double y, double turn_deg) {
   return T;
 }
 
-void add(CameraMotion& motion, const RgbdFrame& frame, const Eigen::Isometry3d& guess,
-         const Camera& camera = small_camera()) {
+std::optional<CameraMotion::Estimate> add(CameraMotion& motion, const RgbdFrame& frame,
+                                          const Eigen::Isometry3d& guess,
+                                          const Camera& camera = small_camera()) {
   DepthView view;
   view.set(frame, camera);
-  motion.add(frame, view, guess, [](int, int) { return false; });
+  return motion.add(frame, view, guess, [](int, int) { return false; });
 }
 
 double turn_deg(const Eigen::Isometry3d& T) {
@@ -82,10 +87,8 @@ double turn_deg(const Eigen::Isometry3d& T) {
 TEST(CameraMotion, MeasuresTheMotionInAStaticWorld) {
   const Eigen::Isometry3d first = pose(0, 0, 0), second = pose(0.015, -0.005, 0.75);
   CameraMotion motion;
-  add(motion, render(0, first), Eigen::Isometry3d::Identity());
-  EXPECT_FALSE(motion.estimate(Eigen::Isometry3d::Identity()).has_value());
-  add(motion, render(0.03, second), Eigen::Isometry3d::Identity());
-  const auto found = motion.estimate(Eigen::Isometry3d::Identity());
+  EXPECT_FALSE(add(motion, render(0, first), Eigen::Isometry3d::Identity()).has_value());
+  const auto found = add(motion, render(0.03, second), Eigen::Isometry3d::Identity());
   ASSERT_TRUE(found.has_value());
   const Eigen::Isometry3d error = found->T_current_last * (second.inverse() * first).inverse();
   EXPECT_LT(error.translation().norm(), 0.004);
@@ -100,8 +103,7 @@ TEST(CameraMotion, KeepsToTheWallAlthoughTheHostGoesWithAPersonCloseBy) {
   const Eigen::Isometry3d with_board = pose(0.1, 0, 0).inverse();
   CameraMotion motion;
   add(motion, render(0, first, 0.0), Eigen::Isometry3d::Identity());
-  add(motion, render(0.03, second, -0.05), with_board);
-  const auto found = motion.estimate(with_board);
+  const auto found = add(motion, render(0.03, second, -0.05), with_board);
   ASSERT_TRUE(found.has_value());
   const Eigen::Isometry3d error = found->T_current_last * second;
   EXPECT_LT(error.translation().norm(), 0.004);
@@ -131,9 +133,9 @@ TEST(CameraMotion, TreatsPicturesOfAllSizesAlike) {
     const Camera camera = enlarged(factor);
     CameraMotion motion;
     add(motion, render(0, first, 0.0, 0.22, camera), Eigen::Isometry3d::Identity(), camera);
-    add(motion, render(0.03, second, -0.02, 0.22, camera), Eigen::Isometry3d::Identity(), camera);
+    const auto found = add(motion, render(0.03, second, -0.02, 0.22, camera),
+                           Eigen::Isometry3d::Identity(), camera);
     EXPECT_GT(motion.followed(), 80u);
-    const auto found = motion.estimate(Eigen::Isometry3d::Identity());
     ASSERT_TRUE(found.has_value());
     const Eigen::Isometry3d error = found->T_current_last * (second.inverse() * first).inverse();
     EXPECT_LT(error.translation().norm(), 0.004);
@@ -158,9 +160,10 @@ TEST(CameraMotion, HearsDissentsThatAreMostOfTheCorners) {
   const Eigen::Isometry3d first = pose(0, 0, 0), second = pose(0.01, 0, 0);
   CameraMotion motion;
   add(motion, render(0, first, 0.0, 0.38), Eigen::Isometry3d::Identity());
-  add(motion, render(0.03, second, -0.02, 0.38), Eigen::Isometry3d::Identity());
   const Eigen::Isometry3d truth = second.inverse();
-  EXPECT_LT((motion.estimate(truth)->T_current_last * second).translation().norm(), 0.004);
+  const auto found = add(motion, render(0.03, second, -0.02, 0.38), truth);
+  ASSERT_TRUE(found.has_value());
+  EXPECT_LT((found->T_current_last * second).translation().norm(), 0.004);
   EXPECT_GT(2 * motion.dissents(truth, truth).size(), motion.followed());
 }
 
@@ -195,23 +198,84 @@ TEST(CameraMotion, DoesNotBelieveWhatSlidesAlongAnEdge) {
   EXPECT_LT(alone, 12) << "25 if every error counts in full";
 }
 
+/// The same with a coarse pattern over all of the wall, as real walls have one.
+RgbdFrame render_coarse(double timestamp, const Eigen::Isometry3d& T_world_camera,
+                        double box_x = NAN) {
+  RgbdFrame frame = render(timestamp, T_world_camera, box_x);
+  for (int y = 0; y < kHeight; ++y)
+    for (int x = 0; x < kWidth; ++x) {
+      const double z = frame.depth.at<std::uint16_t>(y, x) / 5000.0;
+      const Eigen::Vector3d p = T_world_camera * small_camera().unproject(x, y, z);
+      uchar& gray = frame.color.at<uchar>(y, x);
+      if (z > 2)
+        gray = static_cast<uchar>(std::lround(0.5 * gray + 0.5 * texture(p.x(), p.y(), 0.9, 3)));
+    }
+  return frame;
+}
+
+TEST(CameraMotion, FindsATurnThatNobodyForetold) {
+  for (const double turn : {-6.0, -4.0, 4.0, 6.0}) {
+    SCOPED_TRACE(turn);
+    const Eigen::Isometry3d first = pose(0, 0, 0), second = pose(0.01, 0, turn);
+    CameraMotion motion;
+    add(motion, render_coarse(0, first, 0.0), Eigen::Isometry3d::Identity());
+    const auto found =
+        add(motion, render_coarse(0.07, second, -0.02), Eigen::Isometry3d::Identity());
+    ASSERT_TRUE(found.has_value());
+    const Eigen::Isometry3d error = found->T_current_last * (second.inverse() * first).inverse();
+    // A little turn and a little step look alike.
+    EXPECT_LT(error.translation().norm(), 0.04);
+    EXPECT_LT(turn_deg(error), 0.5);
+    EXPECT_GT(found->support, 0.5);
+  }
+}
+
+TEST(CameraMotion, TakesLessExactAgreementWhereOneOfTwoPicturesIsBlurred) {
+  const Eigen::Isometry3d first = pose(0, 0, 0), second = pose(0.01, 0, 1.5);
+  CameraMotion motion;
+  add(motion, render_coarse(0, first), Eigen::Isometry3d::Identity());
+  RgbdFrame blurred = render_coarse(0.03, second);
+  cv::blur(blurred.color, blurred.color, {9, 1});
+  const auto found = add(motion, blurred, Eigen::Isometry3d::Identity());
+  ASSERT_TRUE(found.has_value());
+  const Eigen::Isometry3d error = found->T_current_last * (second.inverse() * first).inverse();
+  EXPECT_LT(error.translation().norm(), 0.03);
+  EXPECT_LT(turn_deg(error), 0.5);
+}
+
+TEST(CameraMotion, TakesPicturesOfAnySize) {
+  const Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+  for (const auto& [width, height] : {std::pair(1, 1), std::pair(640, 1), std::pair(2, 480),
+                                      std::pair(640, 3), std::pair(17, 13), std::pair(640, 30)}) {
+    SCOPED_TRACE(std::to_string(width) + " x " + std::to_string(height));
+    RgbdFrame frame;
+    frame.depth_units_per_m = 5000;
+    frame.color = cv::Mat(height, width, CV_8UC1, cv::Scalar(90));
+    frame.depth = cv::Mat(height, width, CV_16UC1, cv::Scalar(5000));
+    CameraMotion motion;
+    MotionCheck check({}, small_camera());
+    for (const double t : {0.0, 0.03}) {
+      frame.timestamp = t;
+      EXPECT_FALSE(add(motion, frame, T).has_value());
+      EXPECT_TRUE(check.find(frame, T).empty());
+      check.remember(cv::Mat::zeros(height, width, CV_8UC1));
+    }
+  }
+}
+
 TEST(CameraMotion, SaysNothingWhereThereIsNothingToFollow) {
   CameraMotion motion;
   const Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
   RgbdFrame blank = render(0, T);
   blank.color.setTo(90);
   add(motion, blank, T);
-  add(motion, blank, T);
-  EXPECT_FALSE(motion.estimate(T).has_value());
-  add(motion, render(0.1, T), T);
-  EXPECT_FALSE(motion.estimate(T).has_value());
+  EXPECT_FALSE(add(motion, blank, T).has_value());
+  EXPECT_FALSE(add(motion, render(0.1, T), T).has_value());
   motion.reset();
-  add(motion, render(0.2, T), T);
-  EXPECT_FALSE(motion.estimate(T).has_value());
+  EXPECT_FALSE(add(motion, render(0.2, T), T).has_value());
   RgbdFrame without = render(0.3, T);
   without.depth.release();
-  add(motion, without, T);
-  EXPECT_FALSE(motion.estimate(T).has_value());
+  EXPECT_FALSE(add(motion, without, T).has_value());
   EXPECT_EQ(motion.support(T), 0);
   EXPECT_TRUE(motion.dissents(T, T).empty());
 }

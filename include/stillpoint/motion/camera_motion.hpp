@@ -50,48 +50,43 @@ class CameraMotion {
   void begin(const RgbdFrame& frame, const DepthView& depth) {
     flows_.clear();
     blocks_.clear();
+    tolerance_ = 1;
     current_.set(frame, depth);
   }
 
-  /// Takes the next frame and follows the corners of the frame before from where `guess` puts
-  /// them. Left out are those where `dynamic(u, v)` says that the frame before is known to be
-  /// dynamic at that pixel. O(pixels), and about 3 us per corner.
+  /// Takes the next frame and estimates the camera's motion to it. The corners of the frame before
+  /// are followed from where `guess` puts them, but those where `dynamic(u, v)` says that the frame
+  /// before is known to be dynamic at that pixel. Where few agree, they are followed once more from
+  /// where the whole pictures fit best, and then less exact agreement will do. No value: too few
+  /// corners, or no agreement among them. O(pixels), and about 3 us per corner.
   template <class Dynamic>
-  void add(const RgbdFrame& frame, const DepthView& depth, const Eigen::Isometry3d& guess,
-           Dynamic&& dynamic) {
+  std::optional<Estimate> add(const RgbdFrame& frame, const DepthView& depth,
+                              const Eigen::Isometry3d& guess, Dynamic&& dynamic) {
     std::swap(last_, current_);
     begin(frame, depth);
-    if (last_.empty || current_.empty || last_.size() != current_.size()) return;
+    if (last_.empty || current_.empty || last_.size() != current_.size()) return std::nullopt;
     const int scale = current_.scale;
-    for (const Corner& c : last_.corners)
-      if (!dynamic(scale * c.x, scale * c.y)) follow(c, depth, guess);
-    fill_blocks();
-  }
+    const auto known_dynamic = [&](const Corner& c) { return dynamic(scale * c.x, scale * c.y); };
+    last_.corners.erase(std::remove_if(last_.corners.begin(), last_.corners.end(), known_dynamic),
+                        last_.corners.end());
+    if (last_.corners.size() < kMinFlows) return std::nullopt;
+    follow_all(depth, guess);
+    const std::optional<Estimate> near_guess = search(guess);
+    if (near_guess && near_guess->support > kSure) return near_guess;
 
-  /// Estimates the motion between the last two frames; `guess` is one of the motions that are
-  /// tried. No value: too few corners, or no agreement among them.
-  std::optional<Estimate> estimate(const Eigen::Isometry3d& guess) {
-    if (flows_.size() < kMinFlows) return std::nullopt;
-    Eigen::Isometry3d best = guess;
-    double s = improve(best);
-    Eigen::Isometry3d as_before = last_motion_;
-    const double before = improve(as_before);
-    if (before > s) best = as_before, s = before;
-    // As good as it usually gets: no need to look further.
-    const bool usual = s > kUsual * usual_support_;
-    RandomGenerator random(1);
-    // The more agree, the sooner three that are all of the world have been drawn.
-    for (int i = 0; !usual && i < kHypotheses && i * s * s * s < 40; ++i) {
-      std::optional<Eigen::Isometry3d> T = from_three(random, guess);
-      if (!T || support(*T) < kPromising * s) continue;
-      const double improved = improve(*T);
-      if (improved > s) best = *T, s = improved;
+    const double agreed = near_guess ? near_guess->support * followed_area() : 0;
+    const Eigen::Isometry3d aligned = align(guess);
+    std::swap(flows_, other_flows_);
+    follow_all(depth, aligned);
+    const std::optional<Estimate> near_aligned = search(aligned);
+    if (near_aligned && near_aligned->support * followed_area() > agreed) return near_aligned;
+    if (near_guess) {
+      std::swap(flows_, other_flows_);
+      fill_blocks();
+      return near_guess;
     }
-    s = improve(best, 6);
-    if (s < kMinSupport) return std::nullopt;
-    last_motion_ = best;
-    usual_support_ += (s - usual_support_) * (s > usual_support_ ? 0.5 : 0.1);
-    return Estimate{best, s};
+    tolerance_ = kBlurredTolerance;
+    return search(aligned);
   }
 
   /// Share of the followed area that agrees with a motion.
@@ -158,9 +153,11 @@ class CameraMotion {
   static constexpr float kHuge = 1e30f;       // makes 1 of what is not 0
   static constexpr double kTinyStep = 1e-5;
   static constexpr double kMinSupport = 0.3, kPromising = 0.5, kUsual = 0.95;
-  static constexpr int kNear = 4, kFar = 8;     // the patch on the fine and the coarse picture
-  static constexpr int kBlock = 5;              // coarse pixels; one corner each
-  static constexpr int kRadius = 4, kSide = 8;  // of the patch: -4 to +3
+  static constexpr double kSure = 0.5;              // no doubt that the corners were found again
+  static constexpr float kBlurredTolerance = 2.5f;  // times kMaxError
+  static constexpr int kNear = 4, kFar = 8;         // the patch on the fine and the coarse picture
+  static constexpr int kBlock = 5;                  // coarse pixels; one corner each
+  static constexpr int kRadius = 4, kSide = 8;      // of the patch: -4 to +3
   static constexpr int kRim = kRadius + 2;
 
   // x, y: fine pixels; depth in metres.
@@ -204,6 +201,8 @@ class CameraMotion {
       if (empty) return;
       frame_size = frame.color.size();
       scale = std::max(1, (frame_size.width + 160) / 320);
+      empty = std::min(frame_size.width, frame_size.height) < 2 * kRim * scale;  // nothing in it
+      if (empty) return;
       if (frame.color.channels() == 3)
         cv::extractChannel(frame.color, gray, 1);
       else
@@ -294,6 +293,37 @@ class CameraMotion {
                : 0;
   }
 
+  // The motion that most of the followed area agrees with.
+  std::optional<Estimate> search(const Eigen::Isometry3d& guess) {
+    if (flows_.size() < kMinFlows) return std::nullopt;
+    Eigen::Isometry3d best = guess;
+    double s = improve(best);
+    Eigen::Isometry3d as_before = last_motion_;
+    const double before = improve(as_before);
+    if (before > s) best = as_before, s = before;
+    // As good as it usually gets: no need to look further.
+    const bool usual = s > kUsual * usual_support_;
+    RandomGenerator random(1);
+    // The more agree, the sooner three that are all of the world have been drawn.
+    for (int i = 0; !usual && i < kHypotheses && i * s * s * s < 40; ++i) {
+      std::optional<Eigen::Isometry3d> T = from_three(random, guess);
+      if (!T || support(*T) < kPromising * s) continue;
+      const double improved = improve(*T);
+      if (improved > s) best = *T, s = improved;
+    }
+    s = improve(best, 6);
+    if (s < kMinSupport) return std::nullopt;
+    last_motion_ = best;
+    if (tolerance_ == 1) usual_support_ += (s - usual_support_) * (s > usual_support_ ? 0.5 : 0.1);
+    return Estimate{best, s};
+  }
+
+  void follow_all(const DepthView& depth, const Eigen::Isometry3d& guess) {
+    flows_.clear();
+    for (const Corner& c : last_.corners) follow(c, depth, guess);
+    fill_blocks();
+  }
+
   // Fills errors_; returns from which on one is not just noise.
   float measure_errors(const Eigen::Isometry3d& T_current_last) {
     const Eigen::Matrix3f R = T_current_last.linear().cast<float>();
@@ -318,7 +348,13 @@ class CameraMotion {
     return std::sqrt(std::max(0.0f, errors[i].dot(flows_[i].certain * errors[i])));
   }
 
-  float max_error_px() const { return kMaxError * static_cast<float>(current_.scale); }
+  float max_error_px() const { return tolerance_ * kMaxError * static_cast<float>(current_.scale); }
+
+  double followed_area() const {
+    double area = 0;
+    for (const Flow& f : flows_) area += static_cast<double>(f.area);
+    return area;
+  }
 
   Eigen::Vector2f error_px(const Flow& f, const Eigen::Vector3f& q) const {
     if (q.z() < kLeastDepth) return {1e6f, 1e6f};
@@ -334,6 +370,7 @@ class CameraMotion {
   };
 
   void fill_blocks() {
+    blocks_.clear();
     for (std::size_t i = 0; i < flows_.size(); ++i) {
       const Eigen::Index k = static_cast<Eigen::Index>(i % 4);
       if (k == 0) {
@@ -380,6 +417,89 @@ class CameraMotion {
   // The same in every build, whatever its vectors.
   static double sum(const Lanes& v) {
     return (static_cast<double>(v[0]) + v[1]) + (static_cast<double>(v[2]) + v[3]);
+  }
+
+  // The rotation of the camera by the whole pictures, with the translation of `guess`: corners are
+  // found again from a near guess only, but pictures made very small fit from far.
+  Eigen::Isometry3d align(const Eigen::Isometry3d& guess) {
+    Eigen::Isometry3d T = guess;
+    for (const int fine_px : {16, 8, 4}) {
+      // A difference of brightness beyond this has a reason of its own; from far, most have none.
+      const float unlike = 5.0f * static_cast<float>(fine_px);
+      Picture::shrink(last_.fine_values, fine_px, small_before_);
+      Picture::shrink(current_.fine_values, fine_px, small_);
+      if (std::min(small_.cols, small_.rows) < 3) continue;
+      for (cv::Mat* m : {&small_before_, &small_}) cv::GaussianBlur(*m, *m, {3, 3}, 0.8);
+      float brighter = 0;
+      for (int i = 0; i < 8; ++i) {
+        const std::optional<double> size = align_step(fine_px, unlike, brighter, T);
+        if (!size) return guess;
+        if (*size < 1e-3) break;
+      }
+    }
+    T.linear() = Eigen::Quaterniond(T.linear()).normalized().toRotationMatrix();
+    return T;
+  }
+
+  // One step of Gauss and Newton over all pixels of the small pictures; its size, radians.
+  std::optional<double> align_step(int fine_px, float unlike, float& brighter,
+                                   Eigen::Isometry3d& T) {
+    const double scale = fine_px * current_.scale;
+    Eigen::Matrix3d K = Eigen::Matrix3d::Identity();
+    K(0, 0) = current_.fx / scale, K(0, 2) = (current_.cx + 0.5) / scale - 0.5;
+    K(1, 1) = current_.fy / scale, K(1, 2) = (current_.cy + 0.5) / scale - 0.5;
+    const Eigen::Matrix3d to_now = K * T.linear() * K.inverse();
+    cv::Matx33d warp;
+    for (int i = 0; i < 9; ++i) warp.val[i] = to_now(i / 3, i % 3);
+    cv::warpPerspective(small_, warped_, warp, small_.size(),
+                        cv::INTER_LINEAR | cv::WARP_INVERSE_MAP, cv::BORDER_CONSTANT, -1);
+    const float fx = static_cast<float>(K(0, 0)), cx = static_cast<float>(K(0, 2));
+    const float fy = static_cast<float>(K(1, 1)), cy = static_cast<float>(K(1, 2));
+    const auto four = [](const float* first) { return Eigen::Map<const Lanes>(first); };
+    std::array<std::array<Lanes, 4>, 4> H;
+    std::array<Lanes, 4> g;
+    for (auto& row : H) row.fill(Lanes::Zero());
+    g.fill(Lanes::Zero());
+    for (int v = 1; v + 1 < small_.rows; ++v) {
+      const float* before = small_before_.ptr<float>(v);
+      const float* above = small_before_.ptr<float>(v - 1);
+      const float* below = small_before_.ptr<float>(v + 1);
+      const float* now = warped_.ptr<float>(v);
+      const Lanes y = Lanes::Constant((static_cast<float>(v) - cy) / fy);
+      for (int u = 1; u + 4 < small_.cols; u += 4) {
+        const Lanes x = (static_cast<float>(u) - cx + Lanes(0, 1, 2, 3)) / fx;
+        const Lanes gx = 0.5f * fx * (four(before + u + 1) - four(before + u - 1));
+        const Lanes gy = 0.5f * fy * (four(below + u) - four(above + u));
+        const Lanes seen = (four(now + u) * kHuge + 1).max(0.0f).min(1.0f);  // 0: out of view
+        const Lanes error = four(now + u) - four(before + u) - brighter;
+        const Lanes likely = 1 / (1 + error * error * (1 / (unlike * unlike)));
+        const Lanes weight = seen * likely * likely;
+        // Of a turn about x, y and z, and the brightness.
+        const std::array<Lanes, 4> J = {-gx * x * y - gy * (1 + y * y),
+                                        gx * (1 + x * x) + gy * x * y, gy * x - gx * y,
+                                        Lanes::Ones()};
+        for (std::size_t i = 0; i < 4; ++i) {
+          const Lanes a = weight * J[i];
+          for (std::size_t j = 0; j <= i; ++j) H[i][j] += a * J[j];
+          g[i] += a * error;
+        }
+      }
+    }
+    Eigen::Matrix4d normal = Eigen::Matrix4d::Zero();
+    Eigen::Vector4d right;
+    for (int i = 0; i < 4; ++i) {
+      const std::size_t row = static_cast<std::size_t>(i);
+      for (int j = 0; j <= i; ++j) normal(i, j) = sum(H[row][static_cast<std::size_t>(j)]);
+      right[i] = sum(g[row]);
+    }
+    const Eigen::Vector4d d = normal.ldlt().solve(right);
+    const double angle = d.head<3>().norm();
+    if (!(angle < 0.3)) return std::nullopt;
+    // The steps are those of the picture before, so they are taken back.
+    if (angle > 0)
+      T.linear() = T.linear() * Eigen::AngleAxisd(-angle, d.head<3>() / angle).toRotationMatrix();
+    brighter += static_cast<float>(d[3]);
+    return angle;
   }
 
   void follow(const Corner& c, const DepthView& depth, const Eigen::Isometry3d& guess) {
@@ -609,7 +729,9 @@ class CameraMotion {
   Picture last_, current_;
   Eigen::Isometry3d last_motion_ = Eigen::Isometry3d::Identity();
   double usual_support_ = 1;
-  std::vector<Flow> flows_;
+  float tolerance_ = 1;                    // of the last estimate, times kMaxError
+  cv::Mat small_before_, small_, warped_;  // of align()
+  std::vector<Flow> flows_, other_flows_;
   std::vector<Block> blocks_;  // the same, four side by side
   std::vector<Eigen::Vector2f> errors_, other_errors_;
   std::vector<std::pair<float, float>> sorted_;  // error and area

@@ -199,12 +199,11 @@ class MotionCheck {
                                     : motion_ ? *motion_
                                               : Eigen::Isometry3d::Identity();
     const int b = block_;
-    camera_motion_.add(frame, view_, guess, [&](int u, int v) {
+    seen_motion_ = camera_motion_.add(frame, view_, guess, [&](int u, int v) {
       const int x = u / b, y = v / b;
       return dynamic_.size() == current_.size() && x < current_.width && y < current_.height &&
              dynamic_[current_.index(x, y)] != 0;
     });
-    seen_motion_ = camera_motion_.estimate(guess);
     if (!seen_motion_) return host;
     return seen_motion_->T_current_last;
   }
