@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <functional>
 
 #include "stillpoint/backends/rgbd_slam/slam_system.hpp"
+#include "stillpoint/core/random.hpp"
+#include "stillpoint/evaluation/trajectory_error.hpp"
 #include "test_scene.hpp"
 
 namespace {
@@ -221,6 +224,29 @@ TEST(SlamSystem, FollowsACamera) {
   EXPECT_LT(worst_error(slam.trajectory(), sway), 0.03);
   EXPECT_GE(slam.keyframes(), 3u);
   EXPECT_LE(slam.keyframe_trajectory().size(), 40u);
+}
+
+// Turns by jerks, now to this side and now to that: nothing is where the last turn foretells it.
+TEST(SlamSystem, FollowsACameraThatTurnsByJerks) {
+  RandomGenerator random(3);
+  SlamSystem slam(test_scene::camera(), small_settings());
+  Trajectory truth, tracked;
+  double turn = 0;
+  int fewest = 1000;
+  for (int step = 0; step < 60; ++step) {
+    Eigen::Isometry3d T = test_scene::path(step);
+    T.rotate(Eigen::AngleAxisd(turn, Eigen::Vector3d::UnitY()));
+    turn = std::clamp(turn + 0.4 * (random.uniform() - 0.5), -0.6, 0.6);
+    const RgbdFrame frame = test_scene::render(T, step / 15.0);
+    truth.push_back({frame.timestamp, T});
+    const auto pose = feed(slam, frame);
+    ASSERT_TRUE(pose) << step;
+    tracked.push_back({frame.timestamp, *pose});
+    EXPECT_FALSE(slam.stats().recovered) << step;
+    fewest = std::min(fewest, step > 0 ? slam.stats().inliers : 1000);
+  }
+  EXPECT_LT(ate(truth, tracked).max_m, 0.03);
+  EXPECT_GT(fewest, 60);
 }
 
 // What fills two fifths of the picture moves as one, and no mask covers it yet.
