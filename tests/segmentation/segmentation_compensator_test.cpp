@@ -114,6 +114,24 @@ TEST(SegmentationCompensator, RestoresAMissingObjectOnItsLine) {
     }
 }
 
+TEST(SegmentationCompensator, CarriesObjectsThroughFramesWhoseDepthIsBlack) {
+  Show show;
+  // Far from where it was when the depth failed first: an old look of it would be of no use.
+  Walker walker;
+  for (int i = 0; i < 20; ++i) {
+    const double t = 0.033 * i;
+    const bool black = i == 4 || i > 16;
+    walker.texture = i < 10 ? 1 : 7;
+    RgbdFrame picture = show.scene.frame(kStart + t, {walker.at(t)});
+    if (black) picture.depth.setTo(0);
+    const Segmentation seen = result({box_instance(walker.at(t).box, show.scene.size)});
+    const Segmentation& out = show.compensator.compensate(picture, black ? Segmentation() : seen);
+    ASSERT_EQ(out.instances.size(), 1u) << i;
+    EXPECT_GT(show.iou_at(t, {walker}, out), 0.8) << i;
+    EXPECT_NEAR(show.compensator.objects()[0].depth_m(), 2, 0.05) << i;
+  }
+}
+
 TEST(SegmentationCompensator, ShortHistoriesMoveByWhatTheyHave) {
   const Walker walker;
   {

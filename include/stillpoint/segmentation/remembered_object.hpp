@@ -68,7 +68,10 @@ class RememberedObject {
         detail::and_rows(in, also, width, to);
     }
     // The picture is only looked at where the depth cannot tell.
-    if (depth.empty()) patch_.sample(frame.color, instance);
+    if (depth.empty())
+      patch_.sample(frame.color, instance);
+    else
+      patch_.clear();
     sample_points(frame.color.size(), depth);
   }
 
@@ -276,7 +279,7 @@ class RememberedObject {
                  sy / static_cast<double>(inside_.size())};
     else
       center_ = {box_.x + 0.5 * box_.width, box_.y + 0.5 * box_.height};
-    z_ = 0;
+    z_ = depth.empty() ? predicted_z_ : 0;
     if (depths_.size() >= 5) {
       const auto middle = depths_.begin() + static_cast<std::ptrdiff_t>(depths_.size() / 2);
       std::nth_element(depths_.begin(), middle, depths_.end());

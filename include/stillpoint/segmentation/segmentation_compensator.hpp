@@ -151,7 +151,11 @@ class SegmentationCompensator {
   void begin(const RgbdFrame& frame, const Segmentation& segmentation) {
     status_ = kOk;
     restored_ = 0;
-    if (settings_.use_depth) depth_.set(frame, camera_);
+    if (settings_.use_depth) {
+      depth_.set(frame, camera_);
+      // All of it black tells no more than none at all.
+      if (!depth_.empty() && !depth_.any_measured()) depth_.clear();
+    }
     if (frame.timestamp <= last_s_) {
       reset();
       status_ |= kTimestampOrder;

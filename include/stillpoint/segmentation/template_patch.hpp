@@ -52,6 +52,7 @@ class TemplatePatch {
     return best;
   }
 
+  void clear() { count_ = 0; }
   bool empty() const { return count_ == 0; }
 
  private:
