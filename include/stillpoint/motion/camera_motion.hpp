@@ -74,17 +74,19 @@ class CameraMotion {
     const std::optional<Estimate> near_guess = search(guess);
     if (near_guess && near_guess->support > kSure) return near_guess;
 
-    const double agreed = near_guess ? near_guess->support * followed_area() : 0;
     const Eigen::Isometry3d aligned = align(guess);
-    std::swap(flows_, other_flows_);
-    follow_all(depth, aligned);
-    const std::optional<Estimate> near_aligned = search(aligned);
-    if (near_aligned && near_aligned->support * followed_area() > agreed) return near_aligned;
-    if (near_guess) {
+    if (far_px(aligned, guess) > kNearPx) {
+      const double agreed = near_guess ? near_guess->support * followed_area() : 0;
       std::swap(flows_, other_flows_);
-      fill_blocks();
-      return near_guess;
+      follow_all(depth, aligned);
+      const std::optional<Estimate> near_aligned = search(aligned);
+      if (near_aligned && near_aligned->support * followed_area() > agreed) return near_aligned;
+      if (near_guess) {
+        std::swap(flows_, other_flows_);
+        fill_blocks();
+      }
     }
+    if (near_guess) return near_guess;
     tolerance_ = kBlurredTolerance;
     return search(aligned);
   }
@@ -154,6 +156,7 @@ class CameraMotion {
   static constexpr double kTinyStep = 1e-5;
   static constexpr double kMinSupport = 0.3, kPromising = 0.5, kUsual = 0.95;
   static constexpr double kSure = 0.5;              // no doubt that the corners were found again
+  static constexpr double kNearPx = 2;              // fine ones: corners are found again from there
   static constexpr float kBlurredTolerance = 2.5f;  // times kMaxError
   static constexpr int kNear = 4, kFar = 8;         // the patch on the fine and the coarse picture
   static constexpr int kBlock = 5;                  // coarse pixels; one corner each
@@ -419,17 +422,29 @@ class CameraMotion {
     return (static_cast<double>(v[0]) + v[1]) + (static_cast<double>(v[2]) + v[3]);
   }
 
+  // How far apart two turns put a corner, fine pixels.
+  double far_px(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b) const {
+    const double angle = Eigen::AngleAxisd(a.linear().transpose() * b.linear()).angle();
+    return angle * static_cast<double>(current_.fx) / current_.scale;
+  }
+
   // The rotation of the camera by the whole pictures, with the translation of `guess`: corners are
   // found again from a near guess only, but pictures made very small fit from far.
   Eigen::Isometry3d align(const Eigen::Isometry3d& guess) {
     Eigen::Isometry3d T = guess;
-    for (const int fine_px : {16, 8, 4}) {
+    Picture::shrink(last_.fine_values, 4, smaller_before_[0]);
+    Picture::shrink(current_.fine_values, 4, smaller_[0]);
+    for (std::size_t i = 1; i < smaller_.size(); ++i) {
+      Picture::shrink(smaller_before_[i - 1], 2, smaller_before_[i]);
+      Picture::shrink(smaller_[i - 1], 2, smaller_[i]);
+    }
+    for (std::size_t level = smaller_.size(); level-- > 0;) {
+      const int fine_px = 4 << level;
       // A difference of brightness beyond this has a reason of its own; from far, most have none.
       const float unlike = 5.0f * static_cast<float>(fine_px);
-      Picture::shrink(last_.fine_values, fine_px, small_before_);
-      Picture::shrink(current_.fine_values, fine_px, small_);
-      if (std::min(small_.cols, small_.rows) < 3) continue;
-      for (cv::Mat* m : {&small_before_, &small_}) cv::GaussianBlur(*m, *m, {3, 3}, 0.8);
+      if (std::min(smaller_[level].cols, smaller_[level].rows) < 3) continue;
+      cv::GaussianBlur(smaller_before_[level], small_before_, {3, 3}, 0.8);
+      cv::GaussianBlur(smaller_[level], small_, {3, 3}, 0.8);
       float brighter = 0;
       for (int i = 0; i < 8; ++i) {
         const std::optional<double> size = align_step(fine_px, unlike, brighter, T);
@@ -729,8 +744,10 @@ class CameraMotion {
   Picture last_, current_;
   Eigen::Isometry3d last_motion_ = Eigen::Isometry3d::Identity();
   double usual_support_ = 1;
-  float tolerance_ = 1;                    // of the last estimate, times kMaxError
-  cv::Mat small_before_, small_, warped_;  // of align()
+  float tolerance_ = 1;  // of the last estimate, times kMaxError
+  // Of align().
+  std::array<cv::Mat, 3> smaller_before_, smaller_;
+  cv::Mat small_before_, small_, warped_;
   std::vector<Flow> flows_, other_flows_;
   std::vector<Block> blocks_;  // the same, four side by side
   std::vector<Eigen::Vector2f> errors_, other_errors_;
