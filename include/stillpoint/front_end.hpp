@@ -231,8 +231,13 @@ class BasicFrontEnd {
     stats_.moving = movers ? static_cast<int>(movers->size()) : 0;
     if (movers) dynamic_.instances.insert(dynamic_.instances.end(), movers->begin(), movers->end());
     const Segmentation* instances = &dynamic_;  // the segmenter's and the movers
+    SegmentationCompensator::ClearStatic clear_static;
+    if (settings_.use_motion)
+      clear_static = [this](const cv::Rect& area, cv::Mat& mask) {
+        motion_.clear_static(area, mask);
+      };
     if (settings_.use_compensation)
-      instances = &compensator_.mend(frame, dynamic_, T, &blur);
+      instances = &compensator_.mend(frame, dynamic_, T, &blur, clear_static);
     else
       for (Instance& s : dynamic_.instances) s.blur = blur.in(s.box);
     stats_.compensation_ms = milliseconds_since(start);

@@ -62,7 +62,8 @@ double share_of_box(const std::vector<Instance>& found, const Eigen::Vector3d& b
 }
 
 struct Outcome {
-  double found = 0, outside = 0;  // of the last frame
+  double found = 0, outside = 0;                // of the last frame
+  double static_inside = 0, static_around = 0;  // what it clears: shares of the box, of the rest
   int frames_with_finds = 0;
 };
 
@@ -86,6 +87,12 @@ Outcome drive(const Eigen::Vector3d& box_speed_m_s, double turn_deg_s, int frame
     const auto& found = check.find(frame, motion);
     result.frames_with_finds += !found.empty();
     result.found = share_of_box(found, box, pose, &result.outside);
+    Instance standing;
+    standing.box = cv::Rect(0, 0, kWidth, kHeight);
+    cv::Mat moved(kHeight, kWidth, CV_8UC1, cv::Scalar(255));
+    check.clear_static(standing.box, moved);
+    cv::bitwise_not(moved, standing.mask);
+    result.static_inside = share_of_box({standing}, box, pose, &result.static_around);
     cv::Mat dynamic = cv::Mat::zeros(kHeight, kWidth, CV_8UC1);
     for (const Instance& s : found) dynamic(s.box).setTo(255, s.mask);
     check.correct(pose);
@@ -99,6 +106,8 @@ TEST(MotionCheck, FindsAMoverWithoutAName) {
   const Outcome r = drive({0.5, 0, 0}, 0, 25);
   EXPECT_GT(r.found, 0.55);  // cells on its outline say nothing
   EXPECT_LT(r.outside, 0.01);
+  EXPECT_GT(r.static_around, 0.5);
+  EXPECT_LT(r.static_inside, 0.5 * r.static_around);  // it lies over where it was
 }
 
 TEST(MotionCheck, FindsAMoverWhileTheCameraTurns) {

@@ -132,6 +132,43 @@ TEST(SegmentationCompensator, CarriesObjectsThroughFramesWhoseDepthIsBlack) {
   }
 }
 
+TEST(SegmentationCompensator, RestoresNothingWhereTheSameStoodBefore) {
+  for (const std::string name : {"person", ""}) {
+    Show show;
+    const Walker walker;
+    for (int i = 0; i < 4; ++i)
+      show.compensator.compensate(show.scene.frame(kStart + 0.033 * i, {walker.at(0)}),
+                                  result({box_instance(walker.at(0).box, show.scene.size, name)}));
+    // The lower half of it is known to be static, then all of it.
+    const cv::Rect box = walker.at(0).box;
+    cv::Rect known(box.x, box.y + box.height / 2, box.width, box.height - box.height / 2);
+    const cv::Rect lower = known;
+    const auto clear = [&](const cv::Rect& area, cv::Mat& mask) {
+      mask((known & area) - area.tl()).setTo(0);
+    };
+    const RgbdFrame frame = show.scene.frame(kStart + 0.133, {walker.at(0)});
+    const Segmentation& half =
+        show.compensator.mend(frame, Segmentation(), std::nullopt, nullptr, clear);
+    ASSERT_EQ(half.instances.size(), 1u);
+    const cv::Mat mended = picture_of(half.instances, show.scene.size);
+    EXPECT_EQ(cv::countNonZero(mended), name.empty() ? box.area() : box.area() - lower.area());
+    EXPECT_EQ(cv::countNonZero(mended(lower)) > 0, name.empty());
+    show.compensator.remember(frame, half.instances);
+    // What is seen stays, wherever it stands.
+    const RgbdFrame next = show.scene.frame(kStart + 0.167, {walker.at(0)});
+    known = cv::Rect(cv::Point(), show.scene.size);
+    const Segmentation& seen = show.compensator.mend(
+        next, result({box_instance(box, show.scene.size, name)}), std::nullopt, nullptr, clear);
+    EXPECT_EQ(cv::countNonZero(picture_of(seen.instances, show.scene.size)), box.area());
+    show.compensator.remember(next, seen.instances);
+    const RgbdFrame last = show.scene.frame(kStart + 0.2, {walker.at(0)});
+    const Segmentation& gone =
+        show.compensator.mend(last, Segmentation(), std::nullopt, nullptr, clear);
+    EXPECT_EQ(gone.instances.size(), name.empty() ? 1u : 0u);
+    EXPECT_EQ(show.compensator.restored(), name.empty() ? 1 : 0);
+  }
+}
+
 TEST(SegmentationCompensator, ShortHistoriesMoveByWhatTheyHave) {
   const Walker walker;
   {

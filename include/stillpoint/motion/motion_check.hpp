@@ -131,6 +131,24 @@ class MotionCheck {
   /// What the last find() returned.
   const std::vector<Instance>& found() const { return found_; }
 
+  /// Sets `mask`, CV_8UC1 of the size of `area` (inside the frame), to 0 where the last find() saw
+  /// the surface that earlier frames had seen there and not taken for dynamic. O(pixels of area).
+  void clear_static(const cv::Rect& area, cv::Mat& mask) const {
+    if (!judged_) return;
+    const int b = block_, right = std::min(area.x + area.width, current_.width * b);
+    const int bottom = std::min(area.y + area.height, current_.height * b);
+    for (int y = area.y; y < bottom; ++y) {
+      const CellEvidence* cells = evidence_.data() + current_.index(0, y / b);
+      uchar* row = mask.ptr<uchar>(y - area.y);
+      for (int x = area.x; x < right;) {
+        const int next = std::min(right, (x / b + 1) * b);
+        if (cells[x / b] == CellEvidence::kStatic)
+          std::fill(row + x - area.x, row + next - area.x, uchar{0});
+        x = next;
+      }
+    }
+  }
+
   /// The camera's motion to the last frame of find() as it was used there: the frames' own, or the
   /// host's where they show too little. Empty: neither.
   const std::optional<Eigen::Isometry3d>& motion() const { return motion_; }

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <functional>
 #include <limits>
 #include <opencv2/core.hpp>
 #include <optional>
@@ -39,6 +40,7 @@ namespace stillpoint {
 class SegmentationCompensator {
  public:
   using Settings = SegmentationCompensatorSettings;
+  using ClearStatic = std::function<void(const cv::Rect& area, cv::Mat& mask)>;
 
   /// `camera` is needed only to use camera motion.
   explicit SegmentationCompensator(const Settings& settings = {}, const Camera& camera = {})
@@ -64,9 +66,13 @@ class SegmentationCompensator {
   /// remember() for the same frame before the next mend().
   /// `blur` is the frame's, if it was measured: it tells how much a result says of what it misses,
   /// and that of each instance is filled in.
+  /// `clear_static`, if given, clears from the mask of an area what is known to have stood there
+  /// before (MotionCheck::clear_static()): a false mask of an object with a name is not carried
+  /// along there. An object without one was found by its motion, which is the better evidence.
   const Segmentation& mend(const RgbdFrame& frame, const Segmentation& segmentation,
                            const std::optional<Eigen::Isometry3d>& T_current_last = std::nullopt,
-                           const PictureBlur* blur = nullptr) {
+                           const PictureBlur* blur = nullptr,
+                           const ClearStatic& clear_static = nullptr) {
     check_frame(frame);
     const cv::Size size = frame.color.size();
     check_segmentation(segmentation, size);
@@ -87,7 +93,7 @@ class SegmentationCompensator {
     }
     const bool look = settings_.trigger == Settings::Trigger::kPerObject ||
                       !segmentation.available || area_dropped();
-    for (std::size_t j = 0; j < objects_.size(); ++j) judge(frame, j, look);
+    for (std::size_t j = 0; j < objects_.size(); ++j) judge(frame, j, look, clear_static);
     return output_;
   }
 
@@ -217,7 +223,7 @@ class SegmentationCompensator {
   }
 
   // Decides what becomes of a remembered object in this frame.
-  void judge(const RgbdFrame& frame, std::size_t j, bool look) {
+  void judge(const RgbdFrame& frame, std::size_t j, bool look, const ClearStatic& clear_static) {
     RememberedObject& object = objects_[j];
     const bool seen = instance_of_[j] >= 0;
     if (seen) {
@@ -262,7 +268,7 @@ class SegmentationCompensator {
       object.mended = 0;
       return;
     }
-    restore(frame.color.size(), j);
+    restore(frame.color.size(), j, clear_static);
   }
 
   // How long an object is carried along without being seen. Without a class, it is trusted longer
@@ -274,7 +280,7 @@ class SegmentationCompensator {
   }
 
   // Writes the object's predicted mask as an instance, or unites it with what was seen of it.
-  void restore(const cv::Size& size, std::size_t j) {
+  void restore(const cv::Size& size, std::size_t j, const ClearStatic& clear_static) {
     RememberedObject& object = objects_[j];
     const cv::Rect predicted = object.predicted_box(size);
     if (predicted.empty()) {
@@ -293,6 +299,13 @@ class SegmentationCompensator {
     buffer.assign(static_cast<std::size_t>(area.area()), 0);
     cv::Mat mask(area.size(), CV_8UC1, buffer.data());
     object.draw_predicted(area, mask);
+    if (clear_static && !object.class_name.empty()) {
+      clear_static(area, mask);
+      if (!instance && cv::countNonZero(mask) == 0) {
+        object.alive = false;
+        return;
+      }
+    }
     if (instance) {
       for (int y = 0; y < instance->box.height; ++y) {
         const uchar* in = instance->mask.ptr<uchar>(y);
