@@ -90,7 +90,9 @@ int main(int argc, char** argv) try {
   const std::string folder = argv[3], masks = argv[4];
   const std::vector<Entry> entries = read_associations(folder);
   const stillpoint::Camera camera = read_camera(argv[2]);
-  stillpoint::HostFrontEnd front_end(camera);
+  stillpoint::HostSettings host;
+  host.use_motion = true;  // also what no network names
+  stillpoint::HostFrontEnd front_end(camera, host);
   ORB_SLAM3::System slam(argv[1], argv[2], ORB_SLAM3::System::RGBD, false);
 
   int tracked = 0;

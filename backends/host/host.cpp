@@ -26,7 +26,9 @@ double milliseconds_since(Clock::time_point start) {
 }
 
 FrontEndSettings front_end_settings(const HostSettings& settings) {
-  FrontEndSettings s = settings.paper ? FrontEndSettings::paper() : FrontEndSettings();
+  FrontEndSettings s = settings.paper        ? FrontEndSettings::paper()
+                       : settings.use_motion ? FrontEndSettings::with_motion()
+                                             : FrontEndSettings();
   s.use_compensation = settings.use_compensation;
   s.use_depth = settings.use_depth;
   s.use_probability = settings.use_probability;

@@ -30,8 +30,6 @@ class MapTracking {
   struct Settings {
     /// Fewer agreeing matches than this: lost; and the number that a relocalisation needs.
     int min_inliers = 20, min_relocalized = 30;
-    /// With so many the camera is sure to be where it was predicted.
-    int sure_inliers = 60;
     /// Keypoints with depth that the first frame needs.
     int min_start_points = 80;
     /// A keyframe is due when the matches fall below this share of those of the reference
@@ -118,6 +116,9 @@ class MapTracking {
   }
 
  private:
+  // With so many the camera is sure to be where it was predicted.
+  static constexpr int kSureInliers = 60;
+
   struct Record {
     double timestamp;
     KeyframeId reference;
@@ -149,27 +150,29 @@ class MapTracking {
 
   bool follow(Map& map) {
     const Eigen::Isometry3d last = last_pose(map), predicted = stretched_motion() * last;
-    if (match_from(map, predicted, 10) && stats_.inliers >= settings_.sure_inliers) return true;
+    match_from(map, predicted, 10);
+    if (stats_.inliers >= kSureInliers) return true;
     // A camera that turns faster or slower than before: from farther, and most agreement wins.
     Stats best = stats_;
     TrackedFrame found = current_;
-    for (const Eigen::Isometry3d& from : {predicted, last})
-      if (match_from(map, from, 40) && stats_.inliers > best.inliers)
-        best = stats_, found = current_;
+    for (const Eigen::Isometry3d& from : {predicted, last}) {
+      match_from(map, from, 40);
+      if (stats_.inliers > best.inliers) best = stats_, found = current_;
+    }
     stats_ = best;
     current_ = std::move(found);
     return stats_.inliers >= settings_.min_inliers / 2;
   }
 
-  bool match_from(const Map& map, const Eigen::Isometry3d& T, double radius_px) {
+  // Fills stats_.matches and stats_.inliers.
+  void match_from(const Map& map, const Eigen::Isometry3d& T, double radius_px) {
     current_.points.assign(current_.frame.size(), kNone);
     current_.T_camera_world = T;
     stats_.matches =
         match_projections(optics_, map, local_.points, radius_px, MatchLimits(), current_);
     stats_.inliers = 0;
-    if (stats_.matches < settings_.min_inliers) return false;
-    stats_.inliers = refine_pose(optics_, map, current_);
-    return stats_.inliers >= settings_.min_inliers / 2;
+    if (stats_.matches >= settings_.min_inliers)
+      stats_.inliers = refine_pose(optics_, map, current_);
   }
 
   bool follow_local_map(Map& map) {
