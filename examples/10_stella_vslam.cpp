@@ -29,7 +29,9 @@ int main(int argc, char** argv) try {
   if (!alone)
     segmenter = std::make_unique<stillpoint::MaskFilesSegmenter>(argv[4],
                                                                  stillpoint::frame_names(sequence));
-  stillpoint::FrontEnd front_end({}, camera, segmenter.get());
+  // The motion preset: also what no network names.
+  stillpoint::FrontEnd front_end(stillpoint::FrontEndSettings::with_motion(), camera,
+                                 segmenter.get());
 
   stella_vslam::system slam(std::make_shared<stella_vslam::config>(argv[2]), argv[1]);
   slam.startup();
