@@ -1,0 +1,167 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+#include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
+#include <vector>
+
+#include "stillpoint/core/config.hpp"
+#include "stillpoint/core/depth_view.hpp"
+#include "stillpoint/core/frame.hpp"
+#include "stillpoint/motion/patch_shift.hpp"
+
+namespace stillpoint::detail {
+
+/// By a whole factor; a rest of rows or columns is left out.
+inline void shrink(const cv::Mat& from, int factor, cv::Mat& to) {
+  const cv::Size size(from.cols / factor, from.rows / factor);
+  if (factor == 1)
+    to = from;
+  else
+    cv::resize(from(cv::Rect(cv::Point(), size * factor)), to, size, 0, 0, cv::INTER_AREA);
+}
+
+/// x, y: fine pixels; depth in metres.
+struct Corner {
+  int x, y;
+  float depth_m, score;
+};
+
+/// A frame in two sizes and its corners: fine, about 320 pixels in a row, so that all cameras are
+/// treated alike, and coarse, half of that.
+class CornerPicture {
+ public:
+  /// What is nearer to the camera is not seen.
+  static constexpr float kLeastDepthM = 0.2f;
+  /// How far the patch on the fine and that on the coarse picture reach, fine pixels.
+  static constexpr int kNear = Patch::kRadius, kFar = 2 * Patch::kRadius;
+
+  /// Pixels of the frame per fine one.
+  int scale = 2;
+  /// CV_32FC1: read many times.
+  cv::Mat fine, coarse;
+  std::vector<Corner> corners;
+  /// Of the frame.
+  float fx = 1, fy = 1, cx = 0, cy = 0;
+  bool empty = true;
+
+  cv::Size size() const { return frame_size_; }
+
+  /// Where a fine pixel's centre is in the frame.
+  float frame_px(int fine_px) const {
+    const float s = static_cast<float>(scale);
+    return s * static_cast<float>(fine_px) + 0.5f * (s - 1);
+  }
+
+  /// Where a point before the camera is in the frame.
+  Eigen::Vector2f project(const Eigen::Vector3f& q) const {
+    return {fx * q.x() / q.z() + cx, fy * q.y() / q.z() + cy};
+  }
+
+  /// O(pixels).
+  void set(const RgbdFrame& frame, const DepthView& view) {
+    empty = view.empty();
+    corners.clear();
+    if (empty) return;
+    frame_size_ = frame.color.size();
+    scale = std::max(1, (frame_size_.width + 160) / 320);
+    empty = std::min(frame_size_.width, frame_size_.height) < 2 * kRim * scale;  // nothing in it
+    if (empty) return;
+    if (frame.color.channels() == 3)
+      cv::extractChannel(frame.color, gray_, 1);
+    else
+      gray_ = frame.color;
+    shrink(gray_, scale, fine_bytes_);
+    shrink(fine_bytes_, 2, coarse_bytes_);
+    fine_bytes_.convertTo(fine, CV_32F);
+    coarse_bytes_.convertTo(coarse, CV_32F);
+    fx = view.focal_px(), fy = view.focal_y_px(), cx = view.center_x(), cy = view.center_y();
+    find_corners(view);
+  }
+
+  /// Depth around a pixel, up to `fine_reach` fine pixels away; 0 where it is not measured or torn
+  /// by an edge.
+  float whole_depth(const DepthView& view, int u, int v, int fine_reach) const {
+    const int reach = fine_reach * scale, step = 2 * scale;
+    if (u < reach || v < reach || u + reach >= view.size().width || v + reach >= view.size().height)
+      return 0;
+    std::uint16_t lo = 65535, hi = 0;  // lo: one less, so that 0, no measurement, is the highest
+    for (int y = v - reach; y <= v + reach; y += step) {
+      const std::uint16_t* row = view.row(y) + u;
+      for (int x = -reach; x <= reach; x += step) {
+        lo = std::min(lo, static_cast<std::uint16_t>(row[x] - 1));
+        hi = std::max(hi, row[x]);
+      }
+    }
+    int sum = 0, n = 0;
+    for (int y = v - step; y <= v + step; y += step)
+      for (int x = u - step; x <= u + step; x += step) {
+        const std::uint16_t z = view.row(y)[x];
+        sum += z, n += z != 0;
+      }
+    if (n < 5) return 0;
+    const float near = view.to_m(static_cast<std::uint16_t>(lo + 1));
+    const float far = view.to_m(hi);
+    return far - near < 0.05f + 0.07f * near
+               ? static_cast<float>(sum) / static_cast<float>(n) * view.metres_per_unit_value()
+               : 0;
+  }
+
+ private:
+  static constexpr int kBlock = 5;                 // coarse pixels; one corner each
+  static constexpr int kRim = Patch::kRadius + 2;  // coarse pixels; no corner there
+  static constexpr std::size_t kMaxCorners = 250;
+  static constexpr float kMinScore = 2e-4f;
+
+  void find_corners(const DepthView& view) {
+    cv::cornerMinEigenVal(coarse_bytes_, score_, 3);
+    const std::size_t width = static_cast<std::size_t>(coarse.cols);
+    highest_.resize(width);
+    for (int y0 = kRim; y0 + kBlock + kRim <= coarse.rows; y0 += kBlock) {
+      std::copy_n(score_.ptr<float>(y0), width, highest_.begin());
+      for (int y = y0 + 1; y < y0 + kBlock; ++y)
+        raise(score_.ptr<float>(y), width, highest_.data());
+      for (int x0 = kRim; x0 + kBlock + kRim <= coarse.cols; x0 += kBlock) {
+        const float* column = highest_.data() + x0;
+        float most = column[0];
+        for (int x = 1; x < kBlock; ++x) most = std::max(most, column[x]);
+        if (!(most > kMinScore)) continue;
+        Corner best = first_of_block(x0, y0, most);
+        best.depth_m = whole_depth(view, scale * best.x, scale * best.y, kNear);
+        if (best.depth_m > 0) corners.push_back(best);
+      }
+    }
+    if (corners.size() <= kMaxCorners) return;
+    std::nth_element(
+        corners.begin(), corners.begin() + kMaxCorners, corners.end(),
+        [](const Corner& a, const Corner& b) {
+          return a.score != b.score ? a.score > b.score : a.y != b.y ? a.y < b.y : a.x < b.x;
+        });
+    corners.resize(kMaxCorners);
+  }
+
+  // Where a block of the scores reaches its highest value first.
+  Corner first_of_block(int x0, int y0, float most) const {
+    for (int y = y0; y < y0 + kBlock; ++y) {
+      const float* row = score_.ptr<float>(y);
+      for (int x = x0; x < x0 + kBlock; ++x)
+        if (row[x] == most) return {2 * x, 2 * y, 0, most};
+    }
+    return {0, 0, 0, 0};
+  }
+
+  static void raise(const float* STILLPOINT_RESTRICT by, std::size_t n,
+                    float* STILLPOINT_RESTRICT highest) {
+    for (std::size_t x = 0; x < n; ++x) highest[x] = by[x] > highest[x] ? by[x] : highest[x];
+  }
+
+  cv::Size frame_size_;
+  cv::Mat gray_, fine_bytes_, coarse_bytes_, score_;
+  std::vector<float> highest_;  // score of the columns of a row of blocks
+};
+
+}  // namespace stillpoint::detail

@@ -1,0 +1,244 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <Eigen/Cholesky>
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+#include <array>
+#include <cstddef>
+#include <optional>
+#include <vector>
+
+#include "stillpoint/core/random.hpp"
+#include "stillpoint/motion/corner_picture.hpp"
+#include "stillpoint/motion/lanes.hpp"
+
+namespace stillpoint::detail {
+
+/// A corner in space and in fine pixels before, where it is seen now (u, v in whole pixels; its
+/// depth or 0).
+struct Flow {
+  Eigen::Vector3f from;
+  int x, y;
+  float u, v, depth_m, area;
+  Eigen::Matrix2f certain;  // squares an error as far as the patch can tell it: not along an edge
+  bool whole;               // no edge of depth in all of the patch
+};
+
+/// Corners that were followed, and the motion that most of their area agrees with.
+class FlowConsensus {
+ public:
+  /// Fewer tell nothing.
+  static constexpr std::size_t kMinFlows = 20;
+
+  /// Forgets the flows; more come that are seen in `now`.
+  void begin(const CornerPicture& now) {
+    flows_.clear();
+    blocks_.clear();
+    fx_ = now.fx, fy_ = now.fy, cx_ = now.cx, cy_ = now.cy;
+    scale_ = static_cast<float>(now.scale);
+    tolerate(1);
+  }
+
+  void add(const Flow& f) {
+    const Eigen::Index k = static_cast<Eigen::Index>(flows_.size() % 4);
+    if (k == 0) blocks_.push_back(Block());
+    blocks_.back().set(k, f);
+    flows_.push_back(f);
+  }
+
+  /// From now on less exact agreement will do: what is blurred is found less exactly.
+  void allow_blur() { tolerate(kBlurredTolerance); }
+  bool allows_blur() const { return tolerance_ != 1; }
+
+  const std::vector<Flow>& flows() const { return flows_; }
+
+  double area() const {
+    double area = 0;
+    for (const Flow& f : flows_) area += static_cast<double>(f.area);
+    return area;
+  }
+
+  /// Share of the area that agrees with a motion.
+  double support(const Eigen::Isometry3d& T_current_last) const {
+    const Mover move(T_current_last);
+    Lanes agree = Lanes::Zero(), all = Lanes::Zero();
+    for (const Block& b : blocks_) {
+      const View seen = look(b, move);
+      // 0 where a depth that is known speaks against it.
+      const Lanes excess = (b.depth - seen.z).abs() - (0.03f + 0.012f * seen.z * seen.z);
+      agree += b.area * seen.nearness * (1 - (excess * b.has_depth * kHuge).max(0.0f)).max(0.0f);
+      all += b.area;
+    }
+    const double total = sum(all);
+    return total > 0 ? sum(agree) / total : 0;
+  }
+
+  /// Turns the guess T into the motion with the most support, and returns that: steps from the
+  /// guess and from `another` and, unless one of these has `enough`, from three flows at a time.
+  double search(Eigen::Isometry3d& T, Eigen::Isometry3d another, double enough) const {
+    if (flows_.size() < kMinFlows) return 0;
+    const Eigen::Isometry3d guess = T;
+    double best = improve(T);
+    const double from_another = improve(another);
+    if (from_another > best) T = another, best = from_another;
+    const bool look_further = !(best > enough);
+    RandomGenerator random(1);
+    // The more agree, the sooner three that are all of the world have been drawn.
+    for (int i = 0; look_further && i < kHypotheses && i * best * best * best < 40; ++i) {
+      std::optional<Eigen::Isometry3d> of_three = from_three(random, guess);
+      if (!of_three || support(*of_three) < kPromising * best) continue;
+      const double improved = improve(*of_three);
+      if (improved > best) T = *of_three, best = improved;
+    }
+    return improve(T, 6);
+  }
+
+ private:
+  static constexpr int kHypotheses = 100;
+  static constexpr float kMaxError = 0.4f;          // fine pixels
+  static constexpr float kBlurredTolerance = 2.5f;  // times kMaxError
+  static constexpr double kTinyStep = 1e-5;
+  static constexpr double kPromising = 0.5;
+
+  // Four flows side by side; lanes without one have no area.
+  struct Block {
+    Lanes x = Lanes::Zero(), y = x, z = Lanes::Ones();  // in space before
+    Lanes u = x, v = x, depth = x, has_depth = x, area = x;
+
+    void set(Eigen::Index k, const Flow& f) {
+      x[k] = f.from.x(), y[k] = f.from.y(), z[k] = f.from.z();
+      u[k] = f.u, v[k] = f.v, depth[k] = f.depth_m, area[k] = f.area;
+      has_depth[k] = f.depth_m > 0 ? 1.0f : 0.0f;
+    }
+  };
+
+  struct Mover {
+    Eigen::Matrix3f R;
+    Eigen::Vector3f t;
+    explicit Mover(const Eigen::Isometry3d& T)
+        : R(T.linear().cast<float>()), t(T.translation().cast<float>()) {}
+  };
+
+  // How a motion explains a block: place in space over z, z, the errors in pixels, and 1 where the
+  // corner is seen just there, falling to 0 at the greatest error.
+  struct View {
+    Lanes x, y, z, eu, ev, nearness;
+  };
+
+  struct Normal {
+    Eigen::Matrix<double, 6, 6> H = Eigen::Matrix<double, 6, 6>::Zero();  // lower half
+    Eigen::Matrix<double, 6, 1> g = Eigen::Matrix<double, 6, 1>::Zero();
+    std::size_t count = 0;
+  };
+
+  void tolerate(float tolerance) {
+    tolerance_ = tolerance;
+    const float max_error_px = tolerance * kMaxError * scale_;
+    per_square_ = 1 / (max_error_px * max_error_px);
+  }
+
+  View look(const Block& b, const Mover& m) const {
+    View s;
+    // What came too close is nowhere near its corner.
+    s.z = (m.R(2, 0) * b.x + m.R(2, 1) * b.y + m.R(2, 2) * b.z + m.t[2])
+              .max(CornerPicture::kLeastDepthM);
+    const Lanes inverse = 1 / s.z;
+    s.x = (m.R(0, 0) * b.x + m.R(0, 1) * b.y + m.R(0, 2) * b.z + m.t[0]) * inverse;
+    s.y = (m.R(1, 0) * b.x + m.R(1, 1) * b.y + m.R(1, 2) * b.z + m.t[1]) * inverse;
+    s.eu = fx_ * s.x + cx_ - b.u;
+    s.ev = fy_ * s.y + cy_ - b.v;
+    s.nearness = (1 - (s.eu * s.eu + s.ev * s.ev) * per_square_).max(0.0f);
+    return s;
+  }
+
+  // The motion that three flows agree with: exact, by steps from the guess.
+  std::optional<Eigen::Isometry3d> from_three(RandomGenerator& random, Eigen::Isometry3d T) const {
+    std::array<const Flow*, 3> three;
+    for (const Flow*& f : three) f = &flows_[random.below(flows_.size())];
+    for (int i = 0; i < 3; ++i) {
+      Normal normal;
+      for (const Flow* f : three) add_to(normal, *f, T);
+      if (normal.count < 3 || !step(normal, T)) return std::nullopt;
+    }
+    return T;
+  }
+
+  // Up to `steps` steps towards those that agree; the support then.
+  double improve(Eigen::Isometry3d& T, int steps = 2) const {
+    for (int i = 0; i < steps; ++i) {
+      const Normal normal = agreeing(T);
+      if (normal.count < kMinFlows / 2) return 0;
+      const std::optional<double> size = step(normal, T);
+      if (!size) return 0;
+      if (*size < kTinyStep) break;
+    }
+    return support(T);
+  }
+
+  // All flows within the greatest error of a motion, the nearer the more.
+  Normal agreeing(const Eigen::Isometry3d& T) const {
+    const Mover move(T);
+    const float fx = fx_, fy = fy_;
+    NormalLanes<6> sums;
+    Lanes count = Lanes::Zero();
+    for (const Block& b : blocks_) {
+      const View s = look(b, move);
+      const Lanes weight = b.area * s.nearness * s.nearness, inverse = 1 / s.z;
+      count += (weight * kHuge).min(1.0f);
+      sums.add(weight,
+               {fx * inverse, Lanes::Zero(), -fx * inverse * s.x, -fx * s.x * s.y,
+                fx * (1 + s.x * s.x), -fx * s.y},
+               s.eu,
+               {Lanes::Zero(), fy * inverse, -fy * inverse * s.y, -fy * (1 + s.y * s.y),
+                fy * s.x * s.y, fy * s.x},
+               s.ev);
+    }
+    return {sums.matrix(), sums.right(), static_cast<std::size_t>(sum(count) + 0.5)};
+  }
+
+  // One flow, however far off.
+  void add_to(Normal& normal, const Flow& f, const Eigen::Isometry3d& T) const {
+    const Eigen::Vector3d q = T * f.from.cast<double>();
+    if (q.z() < CornerPicture::kLeastDepthM) return;
+    const double z = q.z(), x = q.x() / z, y = q.y() / z;
+    const double fx = fx_, fy = fy_;
+    const Eigen::Vector2d e(fx * x + cx_ - f.u, fy * y + cy_ - f.v);
+    const double ju[6] = {fx / z, 0, -fx * x / z, -fx * x * y, fx * (1 + x * x), -fx * y};
+    const double jv[6] = {0, fy / z, -fy * y / z, -fy * (1 + y * y), fy * x * y, fy * x};
+    const double weight = f.area;
+    const double a0 = weight * ju[0], b1 = weight * jv[1];
+    normal.H(0, 0) += a0 * ju[0], normal.g(0) += a0 * e.x();
+    normal.H(1, 1) += b1 * jv[1], normal.g(1) += b1 * e.y();
+    for (int i = 2; i < 6; ++i) {
+      const double a = weight * ju[i], b = weight * jv[i];
+      normal.H(i, 0) += a * ju[0], normal.H(i, 1) += b * jv[1];
+      for (int j = 2; j <= i; ++j) normal.H(i, j) += a * ju[j] + b * jv[j];
+      normal.g(i) += a * e.x() + b * e.y();
+    }
+    ++normal.count;
+  }
+
+  // Its size, metres and radians; none if there is no solution.
+  static std::optional<double> step(const Normal& normal, Eigen::Isometry3d& T) {
+    const Eigen::Matrix<double, 6, 1> d = normal.H.ldlt().solve(-normal.g);
+    if (!d.allFinite() || d.norm() > 1) return std::nullopt;
+    Eigen::Isometry3d by = Eigen::Isometry3d::Identity();
+    const double angle = d.tail<3>().norm();
+    if (angle > 1e-12)
+      by.linear() = Eigen::AngleAxisd(angle, d.tail<3>() / angle).toRotationMatrix();
+    by.translation() = d.head<3>();
+    T = by * T;
+    T.linear() = Eigen::Quaterniond(T.linear()).normalized().toRotationMatrix();
+    return d.norm();
+  }
+
+  // Of the picture where the flows are seen.
+  float fx_ = 1, fy_ = 1, cx_ = 0, cy_ = 0, scale_ = 1;
+  float tolerance_ = 1;   // times kMaxError
+  float per_square_ = 1;  // 1 over the square of the greatest error, pixels
+  std::vector<Flow> flows_;
+  std::vector<Block> blocks_;  // the same, four side by side
+};
+
+}  // namespace stillpoint::detail

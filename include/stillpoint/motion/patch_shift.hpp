@@ -1,0 +1,106 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <Eigen/Core>
+#include <Eigen/LU>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <opencv2/core.hpp>
+
+namespace stillpoint::detail {
+
+/// A template of Lucas and Kanade, row by row. Sums are kept per column until the end.
+class Patch {
+ public:
+  static constexpr int kRadius = 4, kSide = 8;  // -4 to +3
+
+  /// The patch that begins at `first`, which needs a pixel more on each side.
+  void set(const float* first, std::size_t stride) {
+    for (std::size_t v = 0; v < kSide; ++v, first += stride) {
+      gx_[v] = 0.5f * (row(first + 1) - row(first - 1));
+      gy_[v] = 0.5f * (row(first + stride) - row(first - stride));
+      value_[v] = row(first);
+    }
+  }
+
+  /// Of the shift in x and y and the brightness.
+  Eigen::Matrix3f information() const {
+    Row xx = Row::Zero(), xy = xx, yy = xx, x = xx, y = xx;
+    for (std::size_t v = 0; v < kSide; ++v) {
+      xx += gx_[v] * gx_[v], xy += gx_[v] * gy_[v], yy += gy_[v] * gy_[v];
+      x += gx_[v], y += gy_[v];
+    }
+    Eigen::Matrix3f H;
+    H << xx.sum(), xy.sum(), x.sum(), xy.sum(), yy.sum(), y.sum(), x.sum(), y.sum(), kSide * kSide;
+    return H;
+  }
+
+  /// Sums of the residuals times the slopes in x and y, of the residuals and of their squares,
+  /// where the patch begins at `first` and a part (a, b) of a pixel.
+  Eigen::Vector4f compare(const float* first, std::size_t stride, float a, float b,
+                          float bias) const {
+    const float w00 = (1 - a) * (1 - b), w01 = a * (1 - b), w10 = (1 - a) * b, w11 = a * b;
+    Row x = Row::Zero(), y = x, one = x, squares = x;
+    for (std::size_t v = 0; v < kSide; ++v, first += stride) {
+      const Row r = w00 * row(first) + w01 * row(first + 1) + w10 * row(first + stride) +
+                    w11 * row(first + stride + 1) - value_[v] - bias;
+      x += r * gx_[v], y += r * gy_[v], one += r, squares += r * r;
+    }
+    return {x.sum(), y.sum(), one.sum(), squares.sum()};
+  }
+
+ private:
+  using Row = Eigen::Array<float, kSide, 1>;
+
+  static Row row(const float* first) { return Eigen::Map<const Row>(first); }
+
+  std::array<Row, kSide> gx_, gy_, value_;
+};
+
+/// Follows a patch from (x, y) of `from` into `to`, both CV_32FC1 and smaller by `scale` than the
+/// whole picture: du and dv, in pixels of the whole one, are the guess and become what is found
+/// (Lucas and Kanade with the slopes of the template, and free brightness). Ends at steps under
+/// `enough` pixels. `certain` squares an error as far as the patch can tell it: not along an edge.
+inline bool shift(const cv::Mat& from, const cv::Mat& to, int x, int y, int scale, float enough,
+                  float& du, float& dv, Eigen::Matrix2f& certain) {
+  constexpr int kRadius = Patch::kRadius, kSide = Patch::kSide;
+  constexpr float kMaxShift = 5, kMaxResidual = 14;
+  if (x < kRadius + 1 || y < kRadius + 1 || x + kRadius + 1 >= from.cols ||
+      y + kRadius + 1 >= from.rows)
+    return false;
+  Patch patch;
+  patch.set(from.ptr<float>(y - kRadius) + x - kRadius, from.step1());
+  const Eigen::Matrix3f H = patch.information();
+  const float half = 0.5f * (H(0, 0) + H(1, 1)), turn = 0.5f * (H(0, 0) - H(1, 1));
+  certain = H.topLeftCorner<2, 2>() / (half + std::sqrt(turn * turn + H(0, 1) * H(0, 1)));
+  Eigen::Matrix3f inverse;
+  bool invertible = false;
+  H.computeInverseWithCheck(inverse, invertible, 1.0f);
+  if (!invertible) return false;
+  const float per_pixel = 1.0f / static_cast<float>(scale);
+  float px = static_cast<float>(x - kRadius) + du * per_pixel;
+  float py = static_cast<float>(y - kRadius) + dv * per_pixel;
+  const float start_x = px, start_y = py;
+  float bias = 0;
+  for (int iteration = 0; iteration < 8; ++iteration) {
+    if (!(px >= 0 && py >= 0 && px < static_cast<float>(to.cols - kSide - 1) &&
+          py < static_cast<float>(to.rows - kSide - 1)))
+      return false;
+    const int ix = static_cast<int>(px), iy = static_cast<int>(py);
+    const Eigen::Vector4f sums =
+        patch.compare(to.ptr<float>(iy) + ix, to.step1(), px - static_cast<float>(ix),
+                      py - static_cast<float>(iy), bias);
+    const Eigen::Vector3f d = inverse * sums.head<3>();
+    px -= d.x(), py -= d.y(), bias += d.z();
+    if (std::abs(px - start_x) > kMaxShift || std::abs(py - start_y) > kMaxShift) return false;
+    if (d.x() * d.x() + d.y() * d.y() > enough * enough) continue;
+    if (sums[3] > kMaxResidual * kMaxResidual * kSide * kSide) return false;
+    break;
+  }
+  du = (px - static_cast<float>(x - kRadius)) * static_cast<float>(scale);
+  dv = (py - static_cast<float>(y - kRadius)) * static_cast<float>(scale);
+  return true;
+}
+
+}  // namespace stillpoint::detail

@@ -1,0 +1,110 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <Eigen/Cholesky>
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <algorithm>
+#include <array>
+#include <cstddef>
+#include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
+#include <optional>
+
+#include "stillpoint/motion/corner_picture.hpp"
+#include "stillpoint/motion/lanes.hpp"
+
+namespace stillpoint::detail {
+
+/// The rotation of the camera by the whole pictures: corners are found again from a near guess
+/// only, but pictures made very small fit from far.
+class TurnAlignment {
+ public:
+  /// Maps points of the camera before into the one now, with the translation of `guess`; `guess`
+  /// where the pictures do not fit. O(pixels / 16 of the fine pictures).
+  Eigen::Isometry3d align(const CornerPicture& before, const CornerPicture& now,
+                          const Eigen::Isometry3d& guess) {
+    Eigen::Isometry3d T = guess;
+    shrink(before.fine, 4, smaller_before_[0]);
+    shrink(now.fine, 4, smaller_[0]);
+    for (std::size_t i = 1; i < smaller_.size(); ++i) {
+      shrink(smaller_before_[i - 1], 2, smaller_before_[i]);
+      shrink(smaller_[i - 1], 2, smaller_[i]);
+    }
+    for (std::size_t level = smaller_.size(); level-- > 0;) {
+      const int fine_px = 4 << level;
+      // A difference of brightness beyond this has a reason of its own; from far, most have none.
+      const float unlike = 5.0f * static_cast<float>(fine_px);
+      if (std::min(smaller_[level].cols, smaller_[level].rows) < 3) continue;
+      cv::GaussianBlur(smaller_before_[level], small_before_, {3, 3}, 0.8);
+      cv::GaussianBlur(smaller_[level], small_, {3, 3}, 0.8);
+      const Eigen::Matrix3d K = small_camera(now, fine_px * now.scale);
+      float brighter = 0;
+      for (int i = 0; i < 8; ++i) {
+        const std::optional<double> size = step(K, unlike, brighter, T);
+        if (!size) return guess;
+        if (*size < 1e-3) break;
+      }
+    }
+    T.linear() = Eigen::Quaterniond(T.linear()).normalized().toRotationMatrix();
+    return T;
+  }
+
+ private:
+  // Of a picture whose pixels are squares of `px` of the frame's.
+  static Eigen::Matrix3d small_camera(const CornerPicture& picture, double px) {
+    Eigen::Matrix3d K = Eigen::Matrix3d::Identity();
+    K(0, 0) = picture.fx / px, K(0, 2) = (picture.cx + 0.5) / px - 0.5;
+    K(1, 1) = picture.fy / px, K(1, 2) = (picture.cy + 0.5) / px - 0.5;
+    return K;
+  }
+
+  // One step of Gauss and Newton over all pixels of the small pictures; its size, radians.
+  std::optional<double> step(const Eigen::Matrix3d& K, float unlike, float& brighter,
+                             Eigen::Isometry3d& T) {
+    const Eigen::Matrix3d to_now = K * T.linear() * K.inverse();
+    cv::Matx33d warp;
+    for (int i = 0; i < 9; ++i) warp.val[i] = to_now(i / 3, i % 3);
+    cv::warpPerspective(small_, warped_, warp, small_.size(),
+                        cv::INTER_LINEAR | cv::WARP_INVERSE_MAP, cv::BORDER_CONSTANT, -1);
+    const float fx = static_cast<float>(K(0, 0)), cx = static_cast<float>(K(0, 2));
+    const float fy = static_cast<float>(K(1, 1)), cy = static_cast<float>(K(1, 2));
+    const auto four = [](const float* first) { return Eigen::Map<const Lanes>(first); };
+    NormalLanes<4> normal;
+    for (int v = 1; v + 1 < small_.rows; ++v) {
+      const float* before = small_before_.ptr<float>(v);
+      const float* above = small_before_.ptr<float>(v - 1);
+      const float* below = small_before_.ptr<float>(v + 1);
+      const float* now = warped_.ptr<float>(v);
+      const Lanes y = Lanes::Constant((static_cast<float>(v) - cy) / fy);
+      for (int u = 1; u + 4 < small_.cols; u += 4) {
+        const Lanes x = (static_cast<float>(u) - cx + Lanes(0, 1, 2, 3)) / fx;
+        const Lanes gx = 0.5f * fx * (four(before + u + 1) - four(before + u - 1));
+        const Lanes gy = 0.5f * fy * (four(below + u) - four(above + u));
+        const Lanes seen = (four(now + u) * kHuge + 1).max(0.0f).min(1.0f);  // 0: out of view
+        const Lanes error = four(now + u) - four(before + u) - brighter;
+        const Lanes likely = 1 / (1 + error * error * (1 / (unlike * unlike)));
+        // Of a turn about x, y and z, and the brightness.
+        normal.add(seen * likely * likely,
+                   {-gx * x * y - gy * (1 + y * y), gx * (1 + x * x) + gy * x * y, gy * x - gx * y,
+                    Lanes::Ones()},
+                   error);
+      }
+    }
+    const Eigen::Vector4d d = normal.matrix().ldlt().solve(normal.right());
+    const double angle = d.head<3>().norm();
+    if (!(angle < 0.3)) return std::nullopt;
+    // The steps are those of the picture before, so they are taken back.
+    if (angle > 0)
+      T.linear() = T.linear() * Eigen::AngleAxisd(-angle, d.head<3>() / angle).toRotationMatrix();
+    brighter += static_cast<float>(d[3]);
+    return angle;
+  }
+
+  // The finer first.
+  std::array<cv::Mat, 3> smaller_before_, smaller_;
+  cv::Mat small_before_, small_, warped_;
+};
+
+}  // namespace stillpoint::detail
