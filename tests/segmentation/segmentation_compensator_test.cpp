@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <tuple>
 
 #include "../flat_scene.hpp"
 #include "../io/temporary_folder.hpp"
@@ -343,6 +344,28 @@ TEST(SegmentationCompensator, ForgetsAfterTooManyMisses) {
   // Seen again, it may be missed again.
   show.show(t, {walker});
   EXPECT_EQ(show.show(t + 0.033, {}, {walker}).instances.size(), 1u);
+}
+
+TEST(SegmentationCompensator, ForgetsSoonerWhatWasSeldomSeen) {
+  Settings paper = Settings::paper();
+  for (const auto& [settings, seen, expected] :
+       {std::make_tuple(Settings(), 1, 2), std::make_tuple(Settings(), 2, 5),
+        std::make_tuple(Settings(), 3, 8), std::make_tuple(Settings(), 9, 8),
+        std::make_tuple(paper, 1, std::min(20, paper.max_restored_frames))}) {
+    Show show(settings);
+    const Walker walker;
+    int restored = 0;
+    for (int i = 0; i < seen + 20; ++i) {
+      const double t = 0.033 * i;
+      if (i < seen) {
+        show.show(t, {walker});
+      } else if (!show.show(t, {}, {walker}).instances.empty()) {
+        EXPECT_EQ(restored, i - seen) << "in a row";
+        ++restored;
+      }
+    }
+    EXPECT_EQ(restored, expected) << "seen " << seen << " times";
+  }
 }
 
 TEST(SegmentationCompensator, MissesInSharpPicturesCountTwice) {

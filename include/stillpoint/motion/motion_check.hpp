@@ -135,16 +135,14 @@ class MotionCheck {
   /// the surface that earlier frames had seen there and not taken for dynamic. O(pixels of area).
   void clear_static(const cv::Rect& area, cv::Mat& mask) const {
     if (!judged_) return;
-    const int b = block_, right = std::min(area.x + area.width, current_.width * b);
-    const int bottom = std::min(area.y + area.height, current_.height * b);
-    for (int y = area.y; y < bottom; ++y) {
-      const CellEvidence* cells = evidence_.data() + current_.index(0, y / b);
-      uchar* row = mask.ptr<uchar>(y - area.y);
-      for (int x = area.x; x < right;) {
-        const int next = std::min(right, (x / b + 1) * b);
-        if (cells[x / b] == CellEvidence::kStatic)
-          std::fill(row + x - area.x, row + next - area.x, uchar{0});
-        x = next;
+    const int b = block_, right = area.x + area.width, bottom = area.y + area.height;
+    const int last_x = std::min((right + b - 1) / b, current_.width);
+    const int last_y = std::min((bottom + b - 1) / b, current_.height);
+    for (int y = area.y / b; y < last_y; ++y) {
+      const CellEvidence* cells = evidence_.data() + current_.index(0, y);
+      for (int x = area.x / b, end; x < last_x; x = end + 1) {
+        for (end = x; end < last_x && cells[end] == CellEvidence::kStatic;) ++end;
+        if (end > x) mask((cv::Rect(x * b, y * b, (end - x) * b, b) & area) - area.tl()).setTo(0);
       }
     }
   }

@@ -40,6 +40,8 @@ class RememberedObject {
   double seen_s = 0;
   /// How long it has been seen, seconds.
   double seen_for_s = 0;
+  /// How many frames showed it.
+  int times_seen = 1;
   /// How many of the segmenter's results in a row had to be mended; those of sharp pictures may
   /// count twice.
   int mended = 0;
@@ -235,15 +237,28 @@ class RememberedObject {
 
   void or_sampled(std::int64_t x, std::int64_t y, std::int64_t step_x, std::int64_t step_y, int n,
                   uchar* to) const {
-    const std::uint64_t width = static_cast<std::uint64_t>(box_.width);
-    const std::uint64_t height = static_cast<std::uint64_t>(box_.height);
+    std::int64_t first = 0, last = n;
+    clip(x, step_x, box_.width, first, last);
+    clip(y, step_y, box_.height, first, last);
     const uchar* mask = mask_.data();
-    for (int i = 0; i < n; ++i, x += step_x, y += step_y) {
-      // Negative places become huge.
-      const std::uint64_t u = static_cast<std::uint64_t>(x >> 32);
-      const std::uint64_t v = static_cast<std::uint64_t>(y >> 32);
-      if (u < width && v < height) to[i] = static_cast<uchar>(to[i] | mask[v * width + u]);
+    const std::int64_t width = box_.width;
+    x += first * step_x, y += first * step_y;
+    for (std::int64_t i = first; i < last; ++i, x += step_x, y += step_y)
+      to[i] = static_cast<uchar>(to[i] | mask[(y >> 32) * width + (x >> 32)]);
+  }
+
+  // Narrows the steps [first, last) to those at which place + i * step, in 2^-32 pixels, is in
+  // [0, size).
+  static void clip(std::int64_t place, std::int64_t step, int size, std::int64_t& first,
+                   std::int64_t& last) {
+    const std::int64_t end = (static_cast<std::int64_t>(size) << 32) - 1;
+    if (step < 0) place = end - place, step = -step;  // seen from the other side
+    if (step == 0) {
+      if (place < 0 || place > end) last = first;
+      return;
     }
+    if (place < 0) first = std::max(first, (-place + step - 1) / step);
+    last = std::min(last, place > end ? 0 : (end - place) / step + 1);
   }
 
   // Pixels spread over the mask, and pixels around it that show something else.

@@ -229,6 +229,7 @@ class SegmentationCompensator {
     if (seen) {
       object.seen_for_s += std::min(frame.timestamp - object.seen_s, kGapS);
       object.seen_s = frame.timestamp;
+      ++object.times_seen;
     }
     // A late segmenter gives few results: one that misses the object must not end it.
     const double known_s = late_ ? std::max(object.seen_s, last_result_at_s_) : object.seen_s;
@@ -263,12 +264,20 @@ class SegmentationCompensator {
     }
     // A segmenter says nothing of what it has no name for: only time ends that.
     if (output_.available && !object.class_name.empty() &&
-        (object.mended += weight_of_miss(frame.color.size(), j)) > settings_.max_restored_frames) {
+        (object.mended += weight_of_miss(frame.color.size(), j)) > bound_misses(object, seen)) {
       object.alive = seen;
       object.mended = 0;
       return;
     }
     restore(frame.color.size(), j, clear_static);
+  }
+
+  // How many results in a row may miss an object. What was seen once or twice only may be a piece
+  // of the wall that looked like a person.
+  int bound_misses(const RememberedObject& object, bool seen) const {
+    const bool known = seen || settings_.trigger == Settings::Trigger::kGlobal;
+    return known ? settings_.max_restored_frames
+                 : std::min(settings_.max_restored_frames, 3 * object.times_seen - 1);
   }
 
   // How long an object is carried along without being seen. Without a class, it is trusted longer

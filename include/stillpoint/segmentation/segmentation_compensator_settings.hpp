@@ -33,8 +33,9 @@ struct SegmentationCompensatorSettings {
   double min_template_score = 0.5;
   /// Share of the object's measured pixels whose depth must agree with it.
   double min_depth_support = 0.5;
-  /// How many results of the segmenter in a row may miss an object before it is forgotten. Objects
-  /// without a class, of which a segmenter says nothing, are bounded by time alone.
+  /// How many results of the segmenter in a row may miss an object before it is forgotten; at most
+  /// 2 if it was seen once only and 5 if twice, but in the paper's. Objects without a class, of
+  /// which a segmenter says nothing, are bounded by time alone.
   int max_restored_frames = 8;
   /// A result that misses an object counts as two of them where the object would move
   /// by less than so many pixels during the exposure and the edges are sharp: who is there is
