@@ -240,6 +240,7 @@ class RememberedObject {
     std::int64_t first = 0, last = n;
     clip(x, step_x, box_.width, first, last);
     clip(y, step_y, box_.height, first, last);
+    if (first >= last) return;
     const uchar* mask = mask_.data();
     const std::int64_t width = box_.width;
     x += first * step_x, y += first * step_y;
