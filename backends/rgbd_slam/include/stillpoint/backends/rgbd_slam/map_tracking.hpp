@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <mutex>
 #include <optional>
 #include <utility>
 #include <vector>
@@ -12,6 +13,7 @@
 #include "stillpoint/backends/rgbd_slam/local_map.hpp"
 #include "stillpoint/backends/rgbd_slam/pnp.hpp"
 #include "stillpoint/backends/rgbd_slam/relocalizer.hpp"
+#include "stillpoint/backends/rgbd_slam/start_review.hpp"
 #include "stillpoint/backends/rgbd_slam/tracked_frame.hpp"
 #include "stillpoint/core/trajectory.hpp"
 
@@ -55,6 +57,8 @@ class MapTracking {
   /// Tracks a frame; false: lost. With `mapper_busy` a keyframe waits if it can.
   bool track(Map& map, PlaceIndex& index, KeypointFrame frame, const ImagePyramid& pyramid,
              bool mapper_busy) {
+    const bool at_start = records_.size() < StartReview::kFrames;
+    KeypointFrame kept = at_start ? frame : KeypointFrame();
     current_ = TrackedFrame(std::move(frame));
     pyramid_ = &pyramid;
     stats_ = Stats();
@@ -77,6 +81,7 @@ class MapTracking {
     }
     if (ok) {
       lost_ = 0;
+      if (at_start) start_.keep(std::move(kept), pyramid.image(0));
     } else {
       stats_.recovered = false;
       motion_.reset();
@@ -93,9 +98,15 @@ class MapTracking {
   KeyframeId new_keyframe() const { return new_keyframe_; }
   bool tracking() const { return tracking_; }
 
+  /// Whether enough is known to judge the first frames again.
+  bool start_review_due() const { return start_.due(records_.size()); }
+  /// Judges the first frames again (see StartReview); `lock` is the map's.
+  int review_start(Map& map, std::mutex& lock) { return start_.run(optics_, map, lock, records_); }
+
   /// Forgets everything, the trajectory too: for a map that is started anew.
   void reset() {
     records_.clear();
+    start_.reset();
     local_ = LocalMap();
     motion_.reset();
     lost_ = 0;
@@ -109,21 +120,14 @@ class MapTracking {
   Trajectory trajectory(const Map& map) const {
     Trajectory trajectory;
     trajectory.reserve(records_.size());
-    for (const Record& r : records_)
-      trajectory.push_back(
-          {r.timestamp, (r.T_camera_reference * map.pose_of(r.reference)).inverse()});
+    for (const FrameRecord& r : records_)
+      trajectory.push_back({r.timestamp, r.pose(map).inverse()});
     return trajectory;
   }
 
  private:
   // With so many the camera is sure to be where it was predicted.
   static constexpr int kSureInliers = 60;
-
-  struct Record {
-    double timestamp;
-    KeyframeId reference;
-    Eigen::Isometry3d T_camera_reference;
-  };
 
   bool start(Map& map) {
     if (stats_.with_depth < settings_.min_start_points) return false;
@@ -132,9 +136,7 @@ class MapTracking {
     return true;
   }
 
-  Eigen::Isometry3d last_pose(const Map& map) const {
-    return records_.back().T_camera_reference * map.pose_of(records_.back().reference);
-  }
+  Eigen::Isometry3d last_pose(const Map& map) const { return records_.back().pose(map); }
 
   // The last motion stretched by the real time between frames: frames may be dropped.
   Eigen::Isometry3d stretched_motion() const {
@@ -192,7 +194,7 @@ class MapTracking {
     stats_.matches = current_.matches();
     stats_.inliers = refine_pose(optics_, map, current_);
     if (stats_.inliers >= settings_.min_inliers / 2) {
-      align(map);
+      align_matches(optics_, map, *pyramid_, current_);
       refine_aligned(map);
     }
     for (const PointId id : in_view) ++map.point(id)->visible;
@@ -221,20 +223,6 @@ class MapTracking {
     if (inliers <= stats_.inliers) return;
     stats_.inliers = inliers;
     current_ = std::move(other);
-  }
-
-  // Moves the matched keypoints to where the points' patches fit.
-  void align(const Map& map) {
-    for (std::size_t i = 0; i < current_.points.size(); ++i) {
-      const MapPoint* p = map.point(current_.points[i]);
-      if (!p) continue;
-      FrameKeypoint& k = current_.frame.keypoints[i];
-      const auto place = align_patch(*pyramid_, optics_.camera, p->patch, current_.T_camera_world,
-                                     p->position, k.pixel(), k.octave);
-      if (!place) continue;
-      k.x = static_cast<float>(place->x()), k.y = static_cast<float>(place->y());
-      k.refined = true;
-    }
   }
 
   void accept(Map& map, bool mapper_busy) {
@@ -299,7 +287,8 @@ class MapTracking {
   const ImagePyramid* pyramid_ = nullptr;  // of the frame that is tracked now
   TrackedFrame current_;
   LocalMap local_;
-  std::vector<Record> records_;
+  std::vector<FrameRecord> records_;
+  StartReview start_;
   Stats stats_;
   KeyframeId new_keyframe_ = kNone;
   std::optional<Eigen::Isometry3d> motion_;

@@ -28,9 +28,10 @@ namespace stillpoint::rgbd_slam {
 ///
 /// Two modes: deterministic (the default: each keyframe is worked in before track() returns; the
 /// same input gives the same trajectory), and threaded (local mapping and loop closing in their own
-/// threads, track() stays fast). The world is the first tracked camera. A frame that is lost has no
-/// pose; after relocalisation the trajectory goes on in the same frame of reference. Call it from
-/// one thread.
+/// threads, track() stays fast). The world is the first tracked camera; if it turns out later that
+/// the first frames went with people whom no mask covered, trajectory() mends these (StartReview).
+/// A frame that is lost has no pose; after relocalisation the trajectory goes on in the same frame
+/// of reference. Call it from one thread.
 class SlamSystem final : public Tracker {
  public:
   struct Settings {
@@ -152,6 +153,12 @@ class SlamSystem final : public Tracker {
       if (id >= map_.keyframe_end() || !map_.keyframe(id)) return;
     }
     mapping_->process(map_, map_mutex_, index_, id, hurry);
+    bool review = false;
+    {
+      const std::lock_guard<std::mutex> map_guard(map_mutex_);
+      review = tracking_->start_review_due();
+    }
+    if (review) tracking_->review_start(map_, map_mutex_);
   }
 
   void close_loops(KeyframeId id) {

@@ -8,8 +8,10 @@
 #include <utility>
 #include <vector>
 
+#include "stillpoint/backends/rgbd_slam/image_pyramid.hpp"
 #include "stillpoint/backends/rgbd_slam/map.hpp"
 #include "stillpoint/backends/rgbd_slam/matching.hpp"
+#include "stillpoint/backends/rgbd_slam/patch.hpp"
 #include "stillpoint/backends/rgbd_slam/pose_optimizer.hpp"
 #include "stillpoint/core/camera.hpp"
 
@@ -39,6 +41,22 @@ struct TrackedFrame {
   int matches() const {
     return static_cast<int>(points.size()) -
            static_cast<int>(std::count(points.begin(), points.end(), kNone));
+  }
+};
+
+/// Where a frame was tracked: relative to a keyframe, with which it moves.
+struct FrameRecord {
+  double timestamp;
+  KeyframeId reference;
+  Eigen::Isometry3d T_camera_reference;
+
+  /// T_camera_world.
+  Eigen::Isometry3d pose(const Map& map) const {
+    return T_camera_reference * map.pose_of(reference);
+  }
+  void set(const Map& map, KeyframeId keyframe, const Eigen::Isometry3d& T_camera_world) {
+    reference = keyframe;
+    T_camera_reference = T_camera_world * map.pose_of(keyframe).inverse();
   }
 };
 
@@ -124,6 +142,21 @@ inline int refine_pose(const Optics& optics, const Map& map, TrackedFrame& f,
   for (const PoseObservation& o : observations)
     if (!o.inlier) f.points[static_cast<std::size_t>(o.index)] = kNone;
   return inliers;
+}
+
+/// Moves the matched keypoints to where the points' patches fit.
+inline void align_matches(const Optics& optics, const Map& map, const ImagePyramid& pyramid,
+                          TrackedFrame& f) {
+  for (std::size_t i = 0; i < f.points.size(); ++i) {
+    const MapPoint* p = map.point(f.points[i]);
+    if (!p) continue;
+    FrameKeypoint& k = f.frame.keypoints[i];
+    const auto place = align_patch(pyramid, optics.camera, p->patch, f.T_camera_world, p->position,
+                                   k.pixel(), k.octave);
+    if (!place) continue;
+    k.x = static_cast<float>(place->x()), k.y = static_cast<float>(place->y());
+    k.refined = true;
+  }
 }
 
 }  // namespace stillpoint::rgbd_slam
