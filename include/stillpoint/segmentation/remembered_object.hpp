@@ -8,6 +8,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
+#include <limits>
 #include <opencv2/core.hpp>
 #include <optional>
 #include <string>
@@ -219,6 +220,8 @@ class RememberedObject {
   double way_px() const { return way_px_; }
 
  private:
+  static constexpr std::int64_t kOne = std::int64_t{1} << 32;  // pixel
+
   // The row of an instance's mask at row y and the left end of box_; null for a bare box.
   const uchar* row_at(const Instance& instance, int y) const {
     return instance.mask.empty()
@@ -244,15 +247,34 @@ class RememberedObject {
     const uchar* mask = mask_.data();
     const std::int64_t width = box_.width;
     x += first * step_x, y += first * step_y;
-    for (std::int64_t i = first; i < last; ++i, x += step_x, y += step_y)
-      to[i] = static_cast<uchar>(to[i] | mask[(y >> 32) * width + (x >> 32)]);
+    // Where steps are nearly those of the picture, pixels lie side by side in the mask, too.
+    const bool nearly_one = std::max(std::abs(step_x - kOne), std::abs(step_y)) < kOne / 32;
+    for (std::int64_t i = first; i < last;) {
+      const std::int64_t run =
+          !nearly_one
+              ? 1
+              : std::min({last - i, steps_within(x, step_x - kOne), steps_within(y, step_y)});
+      const uchar* from = mask + (y >> 32) * width + (x >> 32);
+      if (run == 1)
+        to[i] = static_cast<uchar>(to[i] | *from);
+      else
+        detail::or_into(from, static_cast<std::size_t>(run), to + i);
+      i += run, x += run * step_x, y += run * step_y;
+    }
+  }
+
+  // How many places from `place` on, in 2^-32 pixels, fall on the same pixel: at least one.
+  static std::int64_t steps_within(std::int64_t place, std::int64_t step) {
+    const std::int64_t behind = place & (kOne - 1);
+    if (step == 0) return std::numeric_limits<std::int64_t>::max();
+    return step > 0 ? (kOne - behind + step - 1) / step : behind / -step + 1;
   }
 
   // Narrows the steps [first, last) to those at which place + i * step, in 2^-32 pixels, is in
   // [0, size).
   static void clip(std::int64_t place, std::int64_t step, int size, std::int64_t& first,
                    std::int64_t& last) {
-    const std::int64_t end = (static_cast<std::int64_t>(size) << 32) - 1;
+    const std::int64_t end = size * kOne - 1;
     if (step < 0) place = end - place, step = -step;  // seen from the other side
     if (step == 0) {
       if (place < 0 || place > end) last = first;
