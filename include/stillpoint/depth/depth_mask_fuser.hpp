@@ -151,9 +151,14 @@ class DepthMaskFuser {
     dilation_.run(one_, instance.box, dilation_px, [&](int y, const std::uint64_t* row) {
       uchar* to = mask_.image.ptr<uchar>(y);
       for (int x = dilation_.left(); x < grown.x + grown.width; x += 64, ++row) {
-        int k = x;
-        for (std::uint64_t bits = *row; bits != 0; bits >>= 1, ++k)
-          if ((bits & 1) != 0 && to[k] == 0) to[k] = 255, ++covered_px_;
+        if (*row == 0) continue;
+        const std::size_t n = static_cast<std::size_t>(std::min(64, one_.size().width - x));
+        std::uint64_t before = 0;
+        detail::or_bytes(to + x, n, 0, &before);
+        const std::uint64_t added = *row & ~before;
+        if (added == 0) continue;
+        detail::unpack_word(before | added, n, to + x);
+        covered_px_ += detail::count_bits(added);
       }
     });
   }

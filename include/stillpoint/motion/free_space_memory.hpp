@@ -39,7 +39,8 @@ class FreeSpaceMemory {
     view.T_world_camera = T_world_camera;
     view.width = frame.width, view.height = frame.height;
     view.fx = frame.fx, view.fy = frame.fy, view.cx = frame.cx, view.cy = frame.cy;
-    view.places.resize(frame.size());
+    view.places.resize(frame.size() + 1);
+    view.places.back() = {kNone, kNone};
     for (std::size_t i = 0; i < frame.size(); ++i)
       view.places[i] = {frame.depth_m[i] > 0 && !dynamic[i] ? frame.depth_m[i] : kNone, 0};
     // A place is free as far as all cells around saw through it.
@@ -109,25 +110,35 @@ class FreeSpaceMemory {
     }
   }
 
-  // Where the cells of a row are in an earlier view: cells u, v, half a cell added; depth z.
+  // The cells of a row in an earlier view: the place they fall on, or the one behind the last, of
+  // which nothing is known; depth there, and what noise and rounding of the pose may do to it.
   struct Row {
-    std::vector<float> u, v, z;
+    std::vector<int> place;
+    std::vector<float> z, slack;
   };
   struct Projection {
     Eigen::Vector3f first, per_cell, t;  // p = (first + per_cell * x) * depth + t
-    float fx, fy, cx, cy;
+    float fx, fy, cx, cy;                // half a cell added: to be rounded down
+    float columns, right, bottom, nowhere;
   };
 
   static void project(const Projection& p, const float* STILLPOINT_RESTRICT depth, std::size_t n,
-                      float* STILLPOINT_RESTRICT u, float* STILLPOINT_RESTRICT v,
-                      float* STILLPOINT_RESTRICT z) {
+                      int* STILLPOINT_RESTRICT place, float* STILLPOINT_RESTRICT z,
+                      float* STILLPOINT_RESTRICT slack) {
     for (std::size_t i = 0; i < n; ++i) {
       const float x = static_cast<float>(static_cast<int>(i)), d = depth[i];
       const float px = (p.first.x() + p.per_cell.x() * x) * d + p.t.x();
       const float py = (p.first.y() + p.per_cell.y() * x) * d + p.t.y();
-      z[i] = (p.first.z() + p.per_cell.z() * x) * d + p.t.z();
-      const float inverse = 1 / z[i];
-      u[i] = p.fx * px * inverse + p.cx, v[i] = p.fy * py * inverse + p.cy;
+      const float pz = (p.first.z() + p.per_cell.z() * x) * d + p.t.z();
+      const float inverse = 1 / pz;
+      const float u = p.fx * px * inverse + p.cx, v = p.fy * py * inverse + p.cy;
+      const bool seen = (d > 0) & (pz >= 0.3f) & (u >= 1) & (v >= 1) & (u < p.right) &
+                        (v < p.bottom);  // false for NaN, too
+      const float column = static_cast<float>(static_cast<int>(seen ? u : 0.0f));
+      const float row = static_cast<float>(static_cast<int>(seen ? v : 0.0f));
+      place[i] = static_cast<int>(seen ? row * p.columns + column : p.nowhere);
+      z[i] = pz;
+      slack[i] = 0.03f + 0.012f * pz * pz;
     }
   }
 
@@ -137,29 +148,26 @@ class FreeSpaceMemory {
     const Eigen::Isometry3d T = view.T_world_camera.inverse() * T_world_camera;
     const Eigen::Matrix3f R = T.linear().cast<float>();
     const std::size_t n = static_cast<std::size_t>(frame.width);
-    for (auto* row : {&row_.u, &row_.v, &row_.z}) row->resize(n);
+    row_.place.resize(n), row_.z.resize(n), row_.slack.resize(n);
     Projection p;
     p.t = T.translation().cast<float>();
     p.per_cell = R.col(0) / frame.fx;
     p.fx = view.fx, p.fy = view.fy, p.cx = view.cx + 0.5f, p.cy = view.cy + 0.5f;
-    const float right = static_cast<float>(view.width) - 1,
-                bottom = static_cast<float>(view.height) - 1;
+    p.columns = static_cast<float>(view.width);
+    p.right = static_cast<float>(view.width) - 1, p.bottom = static_cast<float>(view.height) - 1;
+    p.nowhere = static_cast<float>(view.width * view.height);
     for (int y = 0; y < frame.height; ++y) {
       p.first = R * Eigen::Vector3f(-frame.cx / frame.fx,
                                     (static_cast<float>(y) - frame.cy) / frame.fy, 1);
-      const float* depth = frame.depth_m.data() + frame.index(0, y);
       signed char* score = score_.data() + frame.index(0, y);
-      project(p, depth, n, row_.u.data(), row_.v.data(), row_.z.data());
-      for (std::size_t x = 0; x < n; ++x) {
-        const float z = row_.z[x], u = row_.u[x], v = row_.v[x];
-        if (!(depth[x] > 0 && z >= 0.3f && u >= 1 && v >= 1 && u < right && v < bottom)) continue;
-        const Place& place =
-            view.places[static_cast<std::size_t>(static_cast<int>(v) * view.width) +
-                        static_cast<std::size_t>(static_cast<int>(u))];
-        const float slack = 0.03f + 0.012f * z * z;  // noise and rounding of the pose
-        const bool free = place.free_to_m > z + slack + 0.02f;
-        const bool same = (score[x] <= 0) & (std::abs(place.surface_m - z) < slack);
-        score[x] = static_cast<signed char>(score[x] + (free ? 2 : same ? -1 : 0));
+      project(p, frame.depth_m.data() + frame.index(0, y), n, row_.place.data(), row_.z.data(),
+              row_.slack.data());
+      for (std::size_t x = 0; x < n; ++x) {  // hard to foresee: no branch
+        const Place& place = view.places[static_cast<std::size_t>(row_.place[x])];
+        const float z = row_.z[x], slack = row_.slack[x];
+        const int free = place.free_to_m > z + slack + 0.02f;
+        const int same = (score[x] <= 0) & (std::abs(place.surface_m - z) < slack) & (1 - free);
+        score[x] = static_cast<signed char>(score[x] + 2 * free - same);
       }
     }
   }
