@@ -347,7 +347,7 @@ TEST(SegmentationCompensator, ForgetsAfterTooManyMisses) {
 }
 
 TEST(SegmentationCompensator, ForgetsSoonerWhatWasSeldomSeen) {
-  Settings paper = Settings::paper();
+  const Settings paper = Settings::paper();
   for (const auto& [settings, seen, expected] :
        {std::make_tuple(Settings(), 1, 2), std::make_tuple(Settings(), 2, 5),
         std::make_tuple(Settings(), 3, 8), std::make_tuple(Settings(), 9, 8),

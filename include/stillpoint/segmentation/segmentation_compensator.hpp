@@ -77,7 +77,7 @@ class SegmentationCompensator {
     const cv::Size size = frame.color.size();
     check_segmentation(segmentation, size);
     begin(frame, segmentation);
-    blur_ = blur;
+    blur_ = blur, clear_static_ = &clear_static;
     for (RememberedObject& object : objects_)
       object.predict(frame.timestamp, camera_, T_current_last, max_speed_px(object, size));
     if (segmentation.available) {
@@ -93,7 +93,7 @@ class SegmentationCompensator {
     }
     const bool look = settings_.trigger == Settings::Trigger::kPerObject ||
                       !segmentation.available || area_dropped();
-    for (std::size_t j = 0; j < objects_.size(); ++j) judge(frame, j, look, clear_static);
+    for (std::size_t j = 0; j < objects_.size(); ++j) judge(frame, j, look);
     return output_;
   }
 
@@ -223,7 +223,7 @@ class SegmentationCompensator {
   }
 
   // Decides what becomes of a remembered object in this frame.
-  void judge(const RgbdFrame& frame, std::size_t j, bool look, const ClearStatic& clear_static) {
+  void judge(const RgbdFrame& frame, std::size_t j, bool look) {
     RememberedObject& object = objects_[j];
     const bool seen = instance_of_[j] >= 0;
     if (seen) {
@@ -269,7 +269,7 @@ class SegmentationCompensator {
       object.mended = 0;
       return;
     }
-    restore(frame.color.size(), j, clear_static);
+    restore(frame.color.size(), j);
   }
 
   // How many results in a row may miss an object. What was seen once or twice only may be a piece
@@ -289,7 +289,7 @@ class SegmentationCompensator {
   }
 
   // Writes the object's predicted mask as an instance, or unites it with what was seen of it.
-  void restore(const cv::Size& size, std::size_t j, const ClearStatic& clear_static) {
+  void restore(const cv::Size& size, std::size_t j) {
     RememberedObject& object = objects_[j];
     const cv::Rect predicted = object.predicted_box(size);
     if (predicted.empty()) {
@@ -308,8 +308,8 @@ class SegmentationCompensator {
     buffer.assign(static_cast<std::size_t>(area.area()), 0);
     cv::Mat mask(area.size(), CV_8UC1, buffer.data());
     object.draw_predicted(area, mask);
-    if (clear_static && !object.class_name.empty()) {
-      clear_static(area, mask);
+    if (*clear_static_ && !object.class_name.empty()) {
+      (*clear_static_)(area, mask);
       if (!instance && cv::countNonZero(mask) == 0) {
         object.alive = false;
         return;
@@ -373,7 +373,8 @@ class SegmentationCompensator {
   Camera camera_;
   DepthView depth_;
   ObjectLocator locator_;
-  const PictureBlur* blur_ = nullptr;  // of the frame of mend()
+  const PictureBlur* blur_ = nullptr;          // of the frame of mend()
+  const ClearStatic* clear_static_ = nullptr;  // the same
   std::vector<RememberedObject> objects_;
   Segmentation output_;
   std::size_t given_ = 0;

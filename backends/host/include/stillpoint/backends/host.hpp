@@ -31,7 +31,8 @@ namespace stillpoint {
 /// Settings of HostFrontEnd; the defaults suit ORB_SLAM2 and ORB_SLAM3.
 struct HostSettings {
   /// The stages of the front end (see FrontEndSettings). With `use_motion` the settings are those of
-  /// FrontEndSettings::with_motion(), which docs/results.md measures; it costs 2 ms per frame more.
+  /// FrontEndSettings::with_motion(), which docs/results.md measures; it costs 2 ms per frame more,
+  /// and works best when correct_pose() is called for each frame.
   bool use_compensation = true, use_depth = true, use_probability = true, use_motion = false;
   /// The literal method of the paper instead of the default preset.
   bool paper = false;
