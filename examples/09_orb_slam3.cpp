@@ -5,8 +5,8 @@
 // write 2 for 3 in three places.
 //
 // Usage: 09_orb_slam3 VOCABULARY SETTINGS SEQUENCE MASKS TRAJECTORY
-//   SEQUENCE: a TUM folder with associations.txt   MASKS: its folder of labels, or `none`: no front
-//   end, the host alone   TRAJECTORY: to be written
+//   SEQUENCE: a TUM folder with associations.txt   MASKS: its folder of labels; `none`: the front
+//   end without a network; `off`: the host alone   TRAJECTORY: to be written
 
 #include <System.h>
 
@@ -44,8 +44,10 @@ std::vector<Entry> read_associations(const std::string& folder) {
 stillpoint::Segmentation read_people(const std::string& masks, const Entry& entry) {
   const std::size_t slash = entry.color.rfind('/') + 1;
   const std::string stem = entry.color.substr(slash, entry.color.rfind('.') - slash);
-  const cv::Mat labels = cv::imread(masks + "/" + stem + ".png", cv::IMREAD_UNCHANGED);
+  const std::string file = masks + "/" + stem + ".png";
   stillpoint::Segmentation people;
+  if (!std::ifstream(file)) return people;
+  const cv::Mat labels = cv::imread(file, cv::IMREAD_UNCHANGED);
   if (labels.type() != CV_8UC1) return people;
   people.available = true;
   people.timestamp = entry.timestamp;
@@ -88,6 +90,7 @@ int main(int argc, char** argv) try {
     return 2;
   }
   const std::string folder = argv[3], masks = argv[4];
+  const bool alone = masks == "off";
   const std::vector<Entry> entries = read_associations(folder);
   const stillpoint::Camera camera = read_camera(argv[2]);
   stillpoint::HostSettings host;
@@ -105,10 +108,10 @@ int main(int argc, char** argv) try {
     frame.timestamp = entry.timestamp;
     frame.depth_units_per_m = camera.depth_units_per_m;
     const stillpoint::Segmentation people =
-        masks == "none" ? stillpoint::Segmentation() : read_people(masks, entry);
+        alone || masks == "none" ? stillpoint::Segmentation() : read_people(masks, entry);
 
     const auto start = std::chrono::steady_clock::now();
-    if (masks == "none") {
+    if (alone) {
       slam.TrackRGBD(frame.color, frame.depth, frame.timestamp);
       tracked += slam.GetTrackingState() == 2;
     } else {
@@ -128,7 +131,7 @@ int main(int argc, char** argv) try {
 
   std::cout << tracked << " of " << entries.size() << " frames tracked, " << median(total_ms)
             << " ms per frame (median)";
-  if (masks != "none" && !entries.empty()) {
+  if (!alone && !entries.empty()) {
     const double n = static_cast<double>(entries.size());
     std::cout << ", of these mask " << median(mask_ms) << ", hook " << median(hook_ms) << "; "
               << kept / n << " of " << extracted / n

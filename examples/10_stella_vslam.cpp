@@ -3,7 +3,8 @@
 // A runner for stella_vslam with the front end. Nothing in stella_vslam is changed.
 //
 // Usage: 10_stella_vslam VOCABULARY CONFIG SEQUENCE MASKS TRAJECTORY [extractor]
-//   MASKS: a folder, or `none`: the host alone   extractor: the mask goes to the host's extractor
+//   MASKS: a folder; `none`: the front end without a network; `off`: the host alone
+//   extractor: the mask goes to the host's extractor
 
 #include <stella_vslam/config.h>
 #include <stella_vslam/data/frame.h>
@@ -24,11 +25,12 @@ int main(int argc, char** argv) try {
   }
   const stillpoint::TumSequence sequence(argv[3]);
   const stillpoint::Camera camera = sequence.camera().value_or(stillpoint::Camera::tum_fr3());
-  const bool alone = std::string(argv[4]) == "none";
+  const std::string masks = argv[4];
+  const bool alone = masks == "off";
   std::unique_ptr<stillpoint::MaskFilesSegmenter> segmenter;
-  if (!alone)
-    segmenter = std::make_unique<stillpoint::MaskFilesSegmenter>(argv[4],
-                                                                 stillpoint::frame_names(sequence));
+  if (!alone && masks != "none")
+    segmenter =
+        std::make_unique<stillpoint::MaskFilesSegmenter>(masks, stillpoint::frame_names(sequence));
   // The motion preset: also what no network names.
   stillpoint::FrontEnd front_end(stillpoint::FrontEndSettings::with_motion(), camera,
                                  segmenter.get());
@@ -62,9 +64,8 @@ int main(int argc, char** argv) try {
   const double n = static_cast<double>(sequence.size());
   std::cout << tracked << " of " << sequence.size() << " frames tracked, " << total_ms / n
             << " ms per frame";
-  if (!alone)
-    std::cout << ", of these front end " << mask_ms / n << "; " << kept / n << " of "
-              << extracted / n << " keypoints kept";
+  if (!alone) std::cout << ", of these front end " << mask_ms / n;
+  if (extracted > 0) std::cout << "; " << kept / n << " of " << extracted / n << " keypoints kept";
   std::cout << "\n";
 } catch (const std::exception& error) {
   std::cerr << error.what() << "\n";
