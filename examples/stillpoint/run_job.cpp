@@ -195,7 +195,8 @@ class MapMaker {
     Result result;
     result.points = map.points(kept_.size() > 2 ? 2 : 1);
     if (any)
-      result.ghosts = counter.count(result.points, ate(truth, trajectory).T_groundtruth_estimate);
+      result.ghosts = counter.count(result.points,
+                                    align_poses(truth, trajectory, ate(truth, trajectory).matches));
     return result;
   }
 

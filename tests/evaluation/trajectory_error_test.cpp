@@ -5,6 +5,7 @@
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <limits>
 #include <random>
@@ -12,6 +13,7 @@
 #include <vector>
 
 #include "../io/temporary_folder.hpp"
+#include "stillpoint/core/random.hpp"
 #include "stillpoint/io/trajectory_file.hpp"
 
 namespace {
@@ -106,6 +108,33 @@ TEST(Ate, WorksForAStraightAndForAStillCamera) {
   EXPECT_LT(ate(truth, truth).rmse_m, 1e-12);
   EXPECT_LT(ate(still, still).rmse_m, 1e-12);
   EXPECT_TRUE(std::isfinite(ate(truth, still).rmse_m));
+}
+
+// A camera that turns on the spot, and positions a centimetre off.
+TEST(AlignPoses, KnowsTheRotationWhereTheCameraOnlyTurns) {
+  stillpoint::RandomGenerator random(7);
+  const auto noise = [&] { return 0.01 * (2 * random.uniform() - 1); };
+  const Eigen::Isometry3d T_truth_map =
+      Eigen::Translation3d(1, 2, 3) * Eigen::AngleAxisd(1.1, Eigen::Vector3d(1, 2, 3).normalized());
+  Trajectory truth, estimate;
+  for (int i = 0; i < 100; ++i) {
+    Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+    T.translation() << 0.01 * std::sin(0.1 * i), 0, 0;
+    T.linear() = Eigen::AngleAxisd(0.5 * std::sin(0.1 * i), Eigen::Vector3d::UnitY()).matrix();
+    truth.push_back({0.1 * i, T});
+    T.translation() += Eigen::Vector3d(noise(), noise(), noise());
+    T.rotate(Eigen::AngleAxisd(noise(), Eigen::Vector3d::UnitX()));
+    estimate.push_back({0.1 * i, T_truth_map.inverse() * T});
+  }
+  const auto by_position = ate(truth, estimate);
+  const Eigen::Isometry3d by_pose = stillpoint::align_poses(truth, estimate, by_position.matches);
+  const auto off_deg = [&](const Eigen::Isometry3d& T) {
+    return Eigen::AngleAxisd((T.inverse() * T_truth_map).linear()).angle() * 180 / 3.14159265;
+  };
+  EXPECT_LT(off_deg(by_pose), 0.2);
+  EXPECT_GT(off_deg(by_position.T_groundtruth_estimate), 2);  // why it is there
+  EXPECT_LT((by_pose * T_truth_map.inverse()).translation().norm(), 0.02);
+  EXPECT_ERROR(stillpoint::align_poses(truth, estimate, {}), "at least 1 match");
 }
 
 TEST(Ate, TooFewPairsIsAnErrorWithCountsAndTimes) {

@@ -91,7 +91,7 @@ class GhostCounter {
   }
 
   /// Counts the ghosts among a map's points; `T_truth_map` maps them into the world of the true
-  /// poses (AteResult::T_groundtruth_estimate). O(points).
+  /// poses (align_poses()). O(points).
   GhostCounts count(const std::vector<ColoredPoint>& points,
                     const Eigen::Isometry3d& T_truth_map) const {
     GhostCounts counts;

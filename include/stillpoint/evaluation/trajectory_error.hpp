@@ -161,6 +161,32 @@ inline AteResult ate(const Trajectory& groundtruth, const Trajectory& estimate,
   return result;
 }
 
+/// Maps the estimate's world to the ground truth's by the whole poses, for maps. ate() aligns
+/// positions alone, as the benchmark does: where the camera hardly moves but turns, that leaves a
+/// rotation open by degrees, and a map tilted. Here the rotation is the chordal mean of the
+/// orientations' differences. `matches` are ate()'s. Throws Error without any. O(n).
+inline Eigen::Isometry3d align_poses(const Trajectory& groundtruth, const Trajectory& estimate,
+                                     const std::vector<TimestampPair>& matches) {
+  detail::check(!matches.empty(),
+                [] { return std::string("align_poses: expected at least 1 match, found none"); });
+  Eigen::Matrix3d turns = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d from = Eigen::Vector3d::Zero(), to = Eigen::Vector3d::Zero();
+  for (const TimestampPair& m : matches) {
+    const Eigen::Isometry3d& truth = groundtruth[m.first].T_world_camera;
+    const Eigen::Isometry3d& found = estimate[m.second].T_world_camera;
+    turns += truth.linear() * found.linear().transpose();
+    to += truth.translation(), from += found.translation();
+  }
+  const double n = static_cast<double>(matches.size());
+  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(turns, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  Eigen::Vector3d signs = Eigen::Vector3d::Ones();
+  if (svd.matrixU().determinant() * svd.matrixV().determinant() < 0) signs.z() = -1;
+  Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+  T.linear() = svd.matrixU() * signs.asDiagonal() * svd.matrixV().transpose();
+  T.translation() = to / n - T.linear() * (from / n);
+  return T;
+}
+
 /// Which poses rpe() compares.
 struct RpeSettings {
   /// Poses i and i + delta_frames of the estimate; not used when delta_s is positive.
