@@ -249,6 +249,14 @@ TEST(SlamSystem, FollowsACameraThatTurnsByJerks) {
   EXPECT_GT(fewest, 60);
 }
 
+// Puts what a camera elsewhere in the room sees over the left columns of a frame.
+void cover_left(RgbdFrame& frame, int columns, const Eigen::Isometry3d& T_world_camera) {
+  const RgbdFrame other = test_scene::render(T_world_camera, frame.timestamp);
+  const cv::Rect part(0, 0, columns, frame.color.rows);
+  other.color(part).copyTo(frame.color(part));
+  other.depth(part).copyTo(frame.depth(part));
+}
+
 // What fills two fifths of the picture moves as one, and no mask covers it yet.
 TEST(SlamSystem, IsNotTakenAlongByWhatMovesBeforeTheFirstMask) {
   SlamSystem slam(test_scene::camera(), small_settings());
@@ -258,10 +266,7 @@ TEST(SlamSystem, IsNotTakenAlongByWhatMovesBeforeTheFirstMask) {
     RgbdFrame frame = test_scene::render(T, step / 15.0);
     Eigen::Isometry3d moved = T;
     moved.pretranslate(Eigen::Vector3d(0.03, 0, 0.01) * step);
-    const RgbdFrame mover = test_scene::render(moved, step / 15.0);
-    const cv::Rect part(0, 0, frame.color.cols * 2 / 5, frame.color.rows);
-    mover.color(part).copyTo(frame.color(part));
-    mover.depth(part).copyTo(frame.depth(part));
+    cover_left(frame, frame.color.cols * 2 / 5, moved);
     const auto pose = feed(slam, frame);
     ASSERT_TRUE(pose) << step;
     tracked.push_back({frame.timestamp, *pose});
@@ -283,10 +288,7 @@ TEST(SlamSystem, MendsTheStartOnceItKnowsWhatStandsStill) {
         // It looks like the walls behind the camera, which are not seen else.
         Eigen::Isometry3d moved = Eigen::AngleAxisd(3.14159, Eigen::Vector3d::UnitY()) * T;
         moved.pretranslate(Eigen::Vector3d(0.015, 0, 0.005) * step);
-        const RgbdFrame mover = test_scene::render(moved, frame.timestamp);
-        const cv::Rect part(0, 0, frame.color.cols * 3 / 5, frame.color.rows);
-        mover.color(part).copyTo(frame.color(part));
-        mover.depth(part).copyTo(frame.depth(part));
+        cover_left(frame, frame.color.cols * 3 / 5, moved);
       }
       const auto pose = feed(slam, frame);
       ASSERT_TRUE(pose) << step;

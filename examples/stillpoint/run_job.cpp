@@ -164,7 +164,8 @@ class MapMaker {
     Trajectory truth;
     if (!truth_dir.empty()) truth = sequence.groundtruth();
     const std::vector<double> times = detail::timestamps_of(truth);
-    const bool judge = associate(times, detail::timestamps_of(trajectory)).size() >= 3;
+    const auto matches = associate(times, detail::timestamps_of(trajectory));
+    const bool judge = matches.size() >= 3;
     // Also frames that the map lacks: there were people too.
     if (judge)
       for (std::size_t i = 0; i < end_; i += kEvery) frames.emplace(i, nullptr);
@@ -194,9 +195,7 @@ class MapMaker {
     }
     Result result;
     result.points = map.points(kept_.size() > 2 ? 2 : 1);
-    if (any)
-      result.ghosts = counter.count(result.points,
-                                    align_poses(truth, trajectory, ate(truth, trajectory).matches));
+    if (any) result.ghosts = counter.count(result.points, align_poses(truth, trajectory, matches));
     return result;
   }
 

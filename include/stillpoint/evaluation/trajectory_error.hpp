@@ -45,6 +45,19 @@ inline ErrorStatistics error_statistics(std::vector<double> errors) {
   return s;
 }
 
+namespace detail {
+
+/// The rotation R that maximises the trace of R^T M (orthogonal Procrustes, by SVD).
+inline Eigen::Matrix3d nearest_rotation(const Eigen::Matrix3d& M) {
+  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(M, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  Eigen::Vector3d signs = Eigen::Vector3d::Ones();
+  // Without this a mirrored solution would win for flat or noisy paths.
+  if (svd.matrixU().determinant() * svd.matrixV().determinant() < 0) signs.z() = -1;
+  return svd.matrixU() * signs.asDiagonal() * svd.matrixV().transpose();
+}
+
+}  // namespace detail
+
 /// The rigid motion T, without scale, that minimises the sum of |T * from[i] - to[i]|^2 (Horn's
 /// closed form, by SVD). Both lists have the same length, at least 1. O(n).
 inline Eigen::Isometry3d align(const std::vector<Eigen::Vector3d>& from,
@@ -61,13 +74,8 @@ inline Eigen::Isometry3d align(const std::vector<Eigen::Vector3d>& from,
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
   for (std::size_t i = 0; i < from.size(); ++i)
     covariance += (to[i] - mean_to) * (from[i] - mean_from).transpose();
-  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(covariance,
-                                              Eigen::ComputeFullU | Eigen::ComputeFullV);
-  Eigen::Vector3d signs = Eigen::Vector3d::Ones();
-  // Without this a mirrored solution would win for flat or noisy paths.
-  if (svd.matrixU().determinant() * svd.matrixV().determinant() < 0) signs.z() = -1;
   Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
-  T.linear() = svd.matrixU() * signs.asDiagonal() * svd.matrixV().transpose();
+  T.linear() = detail::nearest_rotation(covariance);
   T.translation() = mean_to - T.linear() * mean_from;
   return T;
 }
@@ -164,7 +172,8 @@ inline AteResult ate(const Trajectory& groundtruth, const Trajectory& estimate,
 /// Maps the estimate's world to the ground truth's by the whole poses, for maps. ate() aligns
 /// positions alone, as the benchmark does: where the camera hardly moves but turns, that leaves a
 /// rotation open by degrees, and a map tilted. Here the rotation is the chordal mean of the
-/// orientations' differences. `matches` are ate()'s. Throws Error without any. O(n).
+/// orientations' differences. `matches` are associate()'s, as in AteResult. Throws Error without
+/// any. O(n).
 inline Eigen::Isometry3d align_poses(const Trajectory& groundtruth, const Trajectory& estimate,
                                      const std::vector<TimestampPair>& matches) {
   detail::check(!matches.empty(),
@@ -178,11 +187,8 @@ inline Eigen::Isometry3d align_poses(const Trajectory& groundtruth, const Trajec
     to += truth.translation(), from += found.translation();
   }
   const double n = static_cast<double>(matches.size());
-  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(turns, Eigen::ComputeFullU | Eigen::ComputeFullV);
-  Eigen::Vector3d signs = Eigen::Vector3d::Ones();
-  if (svd.matrixU().determinant() * svd.matrixV().determinant() < 0) signs.z() = -1;
   Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
-  T.linear() = svd.matrixU() * signs.asDiagonal() * svd.matrixV().transpose();
+  T.linear() = detail::nearest_rotation(turns);
   T.translation() = to / n - T.linear() * (from / n);
   return T;
 }

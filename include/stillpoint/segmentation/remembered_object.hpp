@@ -188,23 +188,19 @@ class RememberedObject {
     if (part.empty()) return;
     const Eigen::Matrix2d inverse = affine_.leftCols<2>().inverse();
     const Eigen::Vector2d offset = -inverse * affine_.col(2);
-    const bool only_moved = affine_.leftCols<2>().isIdentity(0);
     // Place in the mask in 2^-32 pixels, of a row's first pixel and per step.
     const auto fixed = [](double v, double limit) {
       return static_cast<std::int64_t>(
-          std::floor(std::min(limit, std::max(-limit, v)) * 4294967296.0));
+          std::floor(std::min(limit, std::max(-limit, v)) * static_cast<double>(kOne)));
     };
     const std::int64_t step_x = fixed(inverse(0, 0), 1e4), step_y = fixed(inverse(1, 0), 1e4);
     for (int y = part.y; y < part.y + part.height; ++y) {
-      std::int64_t sx =
+      const std::int64_t sx =
           fixed(inverse(0, 0) * part.x + inverse(0, 1) * y + offset.x() - box_.x + 0.5, 1e9);
-      std::int64_t sy =
+      const std::int64_t sy =
           fixed(inverse(1, 0) * part.x + inverse(1, 1) * y + offset.y() - box_.y + 0.5, 1e9);
       uchar* to = out.ptr<uchar>(y - area.y) + part.x - area.x;
-      if (only_moved)
-        or_row(static_cast<int>(sx >> 32), static_cast<int>(sy >> 32), part.width, to);
-      else
-        or_sampled(sx, sy, step_x, step_y, part.width, to);
+      or_sampled(sx, sy, step_x, step_y, part.width, to);
     }
   }
 
@@ -229,15 +225,8 @@ class RememberedObject {
                : instance.mask.ptr<uchar>(box_.y + y - instance.box.y) + (box_.x - instance.box.x);
   }
 
-  // ORs n pixels of the mask from (x, y) on, those that are in it.
-  void or_row(int x, int y, int n, uchar* to) const {
-    if (y < 0 || y >= box_.height) return;
-    const int first = std::max(0, -x), last = std::min(n, box_.width - x);
-    if (first >= last) return;
-    const uchar* row = mask_.data() + static_cast<std::ptrdiff_t>(y) * box_.width;
-    detail::or_into(row + x + first, static_cast<std::size_t>(last - first), to + first);
-  }
-
+  // ORs n pixels of the mask: those that lie at (x, y) and every step on, in 2^-32 pixels, as far
+  // as they are in it.
   void or_sampled(std::int64_t x, std::int64_t y, std::int64_t step_x, std::int64_t step_y, int n,
                   uchar* to) const {
     std::int64_t first = 0, last = n;

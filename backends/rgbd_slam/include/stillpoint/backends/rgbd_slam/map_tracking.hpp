@@ -98,10 +98,8 @@ class MapTracking {
   KeyframeId new_keyframe() const { return new_keyframe_; }
   bool tracking() const { return tracking_; }
 
-  /// Whether enough is known to judge the first frames again.
-  bool start_review_due() const { return start_.due(records_.size()); }
-  /// Judges the first frames again (see StartReview); `lock` is the map's.
-  int review_start(Map& map, std::mutex& lock) { return start_.run(optics_, map, lock, records_); }
+  /// Judges the first frames again once enough is known (see StartReview); `lock` is the map's.
+  void review_start(Map& map, std::mutex& lock) { start_.run(optics_, map, lock, records_); }
 
   /// Forgets everything, the trajectory too: for a map that is started anew.
   void reset() {
@@ -238,8 +236,7 @@ class MapTracking {
     } else {
       motion_.reset();
     }
-    records_.push_back({current_.frame.timestamp, reference,
-                        current_.T_camera_world * map.pose_of(reference).inverse()});
+    records_.emplace_back(map, current_.frame.timestamp, reference, current_.T_camera_world);
   }
 
   bool keyframe_due(const Map& map, bool mapper_busy) const {

@@ -153,12 +153,7 @@ class SlamSystem final : public Tracker {
       if (id >= map_.keyframe_end() || !map_.keyframe(id)) return;
     }
     mapping_->process(map_, map_mutex_, index_, id, hurry);
-    bool review = false;
-    {
-      const std::lock_guard<std::mutex> map_guard(map_mutex_);
-      review = tracking_->start_review_due();
-    }
-    if (review) tracking_->review_start(map_, map_mutex_);
+    tracking_->review_start(map_, map_mutex_);
   }
 
   void close_loops(KeyframeId id) {

@@ -34,19 +34,18 @@ class StartReview {
     kept_.push_back({std::move(frame), gray.clone()});
   }
 
-  bool due(std::size_t records) const { return records >= kSettled && !kept_.empty(); }
   void reset() { kept_.clear(); }
 
-  /// Judges the frames kept, which are the first ones of `records`, and forgets them. Returns how
-  /// many poses were replaced. No other thread may change the map's keyframes meanwhile; `lock`,
-  /// the map's, is held for one frame (about 5 ms) at a time.
-  int run(const Optics& optics, Map& map, std::mutex& lock, std::vector<FrameRecord>& records) {
+  /// Judges the frames kept, which are the first ones of `records`, and forgets them; does nothing
+  /// while there are less than kSettled records, nor a second time. No other thread may change the
+  /// map's keyframes meanwhile; `lock`, the map's, is held for one frame (about 5 ms) at a time.
+  void run(const Optics& optics, Map& map, std::mutex& lock, std::vector<FrameRecord>& records) {
     std::vector<Kept> kept;
     {
       const std::lock_guard<std::mutex> guard(lock);
+      if (records.size() < kSettled) return;
       kept.swap(kept_);
     }
-    int replaced = 0;
     for (std::size_t i = kept.size(); i-- > 0;) {
       const std::lock_guard<std::mutex> guard(lock);
       std::optional<TrackedFrame> found = track_again(optics, map, records, i, kept[i]);
@@ -56,10 +55,8 @@ class StartReview {
       if (later == kNone) break;
       if (Keyframe* own = keyframe_of(map, records[i].timestamp))
         mend(map, *own, *found, records, later);
-      records[i].set(map, later, found->T_camera_world);
-      ++replaced;
+      records[i] = FrameRecord(map, records[i].timestamp, later, found->T_camera_world);
     }
-    return replaced;
   }
 
  private:
@@ -163,7 +160,8 @@ class StartReview {
     }
     map.update_connections(keyframe.id);
     for (std::size_t r = 0; r < records.size(); ++r)
-      if (!records[r].pose(map).isApprox(poses[r])) records[r].set(map, later, poses[r]);
+      if (!records[r].pose(map).isApprox(poses[r]))
+        records[r] = FrameRecord(map, records[r].timestamp, later, poses[r]);
   }
 
   std::vector<Kept> kept_;

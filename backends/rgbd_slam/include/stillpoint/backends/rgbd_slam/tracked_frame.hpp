@@ -50,13 +50,15 @@ struct FrameRecord {
   KeyframeId reference;
   Eigen::Isometry3d T_camera_reference;
 
+  FrameRecord(const Map& map, double time, KeyframeId keyframe,
+              const Eigen::Isometry3d& T_camera_world)
+      : timestamp(time),
+        reference(keyframe),
+        T_camera_reference(T_camera_world * map.pose_of(keyframe).inverse()) {}
+
   /// T_camera_world.
   Eigen::Isometry3d pose(const Map& map) const {
     return T_camera_reference * map.pose_of(reference);
-  }
-  void set(const Map& map, KeyframeId keyframe, const Eigen::Isometry3d& T_camera_world) {
-    reference = keyframe;
-    T_camera_reference = T_camera_world * map.pose_of(keyframe).inverse();
   }
 };
 
