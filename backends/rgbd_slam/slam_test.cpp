@@ -275,7 +275,7 @@ TEST(SlamSystem, IsNotTakenAlongByWhatMovesBeforeTheFirstMask) {
 }
 
 // What fills most of the picture takes the first frames along; then it goes, and they are mended.
-TEST(SlamSystem, MendsTheStartOnceItKnowsWhatStandsStill) {
+void mend_the_start(int covered) {
   for (const bool threaded : {false, true}) {
     SlamSystem::Settings settings = small_settings();
     settings.threaded = threaded;
@@ -284,7 +284,7 @@ TEST(SlamSystem, MendsTheStartOnceItKnowsWhatStandsStill) {
     for (int step = 0; step < 80; ++step) {
       const Eigen::Isometry3d T = test_scene::path(step);
       RgbdFrame frame = test_scene::render(T, step / 30.0);
-      if (step < 8) {
+      if (step < covered) {
         // It looks like the walls behind the camera, which are not seen else.
         Eigen::Isometry3d moved = Eigen::AngleAxisd(3.14159, Eigen::Vector3d::UnitY()) * T;
         moved.pretranslate(Eigen::Vector3d(0.015, 0, 0.005) * step);
@@ -306,6 +306,15 @@ TEST(SlamSystem, MendsTheStartOnceItKnowsWhatStandsStill) {
               0.01)
         << threaded;
   }
+}
+
+TEST(SlamSystem, MendsTheStartOnceItKnowsWhatStandsStill) {
+  mend_the_start(8);
+}
+
+// Then keyframes of 10 frames later have it in their map, too.
+TEST(SlamSystem, MendsALongWrongStart) {
+  mend_the_start(20);
 }
 
 TEST(SlamSystem, SaysThatItIsLostAndGoesOnInTheSameFrameOfReference) {

@@ -13,9 +13,12 @@
 namespace stillpoint {
 namespace {
 
+const Eigen::Vector2d kBoxM(0.5, 0.8);
+
 /// A wall 4 m ahead with a pillar at 2 m (static), and a box at `box_m` in world coordinates.
 RgbdFrame render(double timestamp, const Eigen::Isometry3d& T_world_camera,
-                 const std::optional<Eigen::Vector3d>& box_m, std::uint64_t seed = 0) {
+                 const std::optional<Eigen::Vector3d>& box_m, const Eigen::Vector2d& size_m = kBoxM,
+                 std::uint64_t seed = 0) {
   const Camera camera = small_camera();
   RgbdFrame frame;
   frame.timestamp = timestamp;
@@ -35,7 +38,8 @@ RgbdFrame render(double timestamp, const Eigen::Isometry3d& T_world_camera,
       };
       front(2.0, -0.9, -0.5, -2, 2);
       if (box_m)
-        front(box_m->z(), box_m->x() - 0.25, box_m->x() + 0.25, box_m->y() - 0.4, box_m->y() + 0.4);
+        front(box_m->z(), box_m->x() - size_m.x() / 2, box_m->x() + size_m.x() / 2,
+              box_m->y() - size_m.y() / 2, box_m->y() + size_m.y() / 2);
       const double noise = 0.002 * z * z * (random.uniform() - 0.5);
       frame.depth.at<std::uint16_t>(y, x) =
           static_cast<std::uint16_t>(std::lround((z + noise) * 5000));
@@ -44,14 +48,16 @@ RgbdFrame render(double timestamp, const Eigen::Isometry3d& T_world_camera,
 }
 
 double share_of_box(const std::vector<Instance>& found, const Eigen::Vector3d& box_m,
-                    const Eigen::Isometry3d& T_world_camera, double* outside = nullptr) {
+                    const Eigen::Isometry3d& T_world_camera, const Eigen::Vector2d& size_m,
+                    double* outside = nullptr) {
   const Camera camera = small_camera();
   cv::Mat mask = cv::Mat::zeros(kHeight, kWidth, CV_8UC1);
   for (const Instance& s : found) mask(s.box).setTo(255, s.mask);
   int in = 0, hit = 0, out = 0;
   const Eigen::Isometry3d T = T_world_camera.inverse();
-  const Eigen::Vector2d a = camera.project(T * (box_m + Eigen::Vector3d(-0.25, -0.4, 0)));
-  const Eigen::Vector2d b = camera.project(T * (box_m + Eigen::Vector3d(0.25, 0.4, 0)));
+  const Eigen::Vector3d half(size_m.x() / 2, size_m.y() / 2, 0);
+  const Eigen::Vector2d a = camera.project(T * (box_m - half));
+  const Eigen::Vector2d b = camera.project(T * (box_m + half));
   for (int y = 0; y < kHeight; ++y)
     for (int x = 0; x < kWidth; ++x) {
       const bool inside = x > a.x() && x < b.x() && y > a.y() && y < b.y();
@@ -69,7 +75,8 @@ struct Outcome {
 
 /// Drives the check over a sequence with a moving box and a moving camera.
 Outcome drive(const Eigen::Vector3d& box_speed_m_s, double turn_deg_s, int frames,
-              bool with_box = true) {
+              bool with_box = true, const Eigen::Vector3d& start_m = {-0.1, 0, 1.5},
+              const Eigen::Vector2d& size_m = kBoxM) {
   MotionCheck check({}, small_camera());
   Outcome result;
   Eigen::Isometry3d last = Eigen::Isometry3d::Identity();
@@ -79,20 +86,20 @@ Outcome drive(const Eigen::Vector3d& box_speed_m_s, double turn_deg_s, int frame
     const double angle = 0.2 * std::sin(turn_deg_s * 3.14159265 / 180 / 0.2 * t);
     pose.linear() = Eigen::AngleAxisd(angle, Eigen::Vector3d::UnitY()).toRotationMatrix();
     pose.translation().x() = 0.05 * std::sin(3 * t);
-    const Eigen::Vector3d box = Eigen::Vector3d(-0.1, 0, 1.5) + box_speed_m_s * t;
+    const Eigen::Vector3d box = start_m + box_speed_m_s * t;
     const RgbdFrame frame =
-        render(t, pose, with_box ? std::optional<Eigen::Vector3d>(box) : std::nullopt);
+        render(t, pose, with_box ? std::optional<Eigen::Vector3d>(box) : std::nullopt, size_m);
     std::optional<Eigen::Isometry3d> motion;
     if (i > 0) motion = pose.inverse() * last;
     const auto& found = check.find(frame, motion);
     result.frames_with_finds += !found.empty();
-    result.found = share_of_box(found, box, pose, &result.outside);
+    result.found = share_of_box(found, box, pose, size_m, &result.outside);
     Instance standing;
     standing.box = cv::Rect(0, 0, kWidth, kHeight);
     cv::Mat moved(kHeight, kWidth, CV_8UC1, cv::Scalar(255));
     check.clear_static(standing.box, moved);
     cv::bitwise_not(moved, standing.mask);
-    result.static_inside = share_of_box({standing}, box, pose, &result.static_around);
+    result.static_inside = share_of_box({standing}, box, pose, size_m, &result.static_around);
     cv::Mat dynamic = cv::Mat::zeros(kHeight, kWidth, CV_8UC1);
     for (const Instance& s : found) dynamic(s.box).setTo(255, s.mask);
     check.correct(pose);
@@ -119,6 +126,13 @@ TEST(MotionCheck, FindsAMoverWhileTheCameraTurns) {
 TEST(MotionCheck, FindsAMoverThatComesNearerAndASlowOne) {
   EXPECT_GT(drive({0, 0, -0.5}, 20, 30).found, 0.55);
   EXPECT_GT(drive({0.2, 0, 0}, 0, 45).found, 0.3);  // 10 cm in half a second
+}
+
+TEST(MotionCheck, FindsAHandThatFillsMuchOfThePicture) {
+  // 100 square centimetres, at arm's length.
+  const Outcome r = drive({0.3, 0, 0}, 0, 25, true, {-0.1, 0, 0.6}, {0.1, 0.1});
+  EXPECT_GT(r.found, 0.55);
+  EXPECT_LT(r.outside, 0.01);
 }
 
 TEST(MotionCheck, FindsNothingInAStaticWorld) {

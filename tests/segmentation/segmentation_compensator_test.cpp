@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <optional>
 #include <tuple>
 
 #include "../flat_scene.hpp"
@@ -328,6 +329,31 @@ TEST(SegmentationCompensator, OnlyTimeEndsWhatTheSegmenterHasNoNameFor) {
   EXPECT_NEAR(restored("", 1), settings.max_prediction_s / 0.033, 1.5);
   EXPECT_NEAR(restored("", 4), (settings.max_prediction_s + 0.3) / 0.033, 1.5);
   EXPECT_NEAR(restored("", 30), settings.max_unnamed_s / 0.033, 1.5);
+}
+
+TEST(SegmentationCompensator, CarriesOnWhatWalksAway) {
+  // How many of 60 frames it is restored in, after it was seen in three.
+  const auto restored = [](double speed_m_s, bool camera_known) {
+    Show show;
+    std::optional<Eigen::Isometry3d> stands;
+    if (camera_known) stands = Eigen::Isometry3d::Identity();
+    int n = 0;
+    for (int i = 0; i < 63; ++i) {
+      const double t = i / 30.0, z = 1.5 + speed_m_s * t;
+      const int width = static_cast<int>(90 / z), height = static_cast<int>(240 / z);
+      const Figure figure{
+          {160 - width / 2, 120 - height / 2, width, height}, static_cast<float>(z), 1};
+      std::vector<Instance> seen;
+      if (i < 3) seen.push_back(box_instance(figure.box, show.scene.size, ""));
+      const Segmentation& out =
+          show.compensator.compensate(show.scene.frame(kStart + t, {figure}), result(seen), stands);
+      n += i >= 3 && !out.instances.empty();
+    }
+    return n;
+  };
+  EXPECT_EQ(restored(0.5, true), 60);
+  EXPECT_LT(restored(0, true), 30);
+  EXPECT_LT(restored(0.5, false), 30) << "the camera may have gone";
 }
 
 TEST(SegmentationCompensator, ForgetsAfterTooManyMisses) {

@@ -200,6 +200,7 @@ class MotionCheck {
 
  private:
   static constexpr float kDissentReachM = 0.1f;
+  static constexpr int kManyCells = 50;  // surely no noise, however close and small
 
   enum State : std::uint8_t { kFree, kTaken };
 
@@ -300,7 +301,8 @@ class MotionCheck {
         queue_.push_back({x, y, distance});
       }
     }
-    if (moved < settings_.min_moved_cells || area < settings_.min_moved_area_m2 ||
+    if (moved < settings_.min_moved_cells ||
+        (area < settings_.min_moved_area_m2 && moved < kManyCells) ||
         moved < settings_.min_moved_share * static_cast<double>(queue_.size()))
       return;
     add_instance(box);

@@ -75,8 +75,14 @@ class RememberedObject {
       patch_.sample(frame.color, instance);
     else
       patch_.clear();
+    const float expected_z = predicted_z_;
     sample_points(frame.color.size(), depth);
+    if (camera_known_ && z_ > 0 && expected_z > 0) went_m_ += z_ - expected_z;
   }
+
+  /// How far it has gone away from the camera, or towards it, for itself since forget_way().
+  float went_m() const { return went_m_; }
+  void forget_way() { went_m_ = 0; }
 
   /// Adds the object's place (upper-left corner of its box, or centre of its mask) to the history
   /// of at most `length` places; a second call for one timestamp replaces the first.
@@ -102,7 +108,8 @@ class RememberedObject {
                const std::optional<Eigen::Isometry3d>& T_current_last, double max_speed_px_s) {
     Eigen::Matrix3d H = Eigen::Matrix3d::Identity();
     predicted_z_ = z_;
-    if (T_current_last && camera.valid()) {
+    camera_known_ = T_current_last && camera.valid();
+    if (camera_known_) {
       // The object as a plane at its depth, parallel to the picture.
       Eigen::Matrix3d K;
       K << camera.fx, 0, camera.cx, 0, camera.fy, camera.cy, 0, 0, 1;
@@ -323,7 +330,8 @@ class RememberedObject {
   cv::Rect box_;
   std::vector<uchar> mask_;
   cv::Point2d center_;
-  float z_ = 0, predicted_z_ = 0;
+  float z_ = 0, predicted_z_ = 0, went_m_ = 0;
+  bool camera_known_ = false;
   double way_px_ = 0;
   std::vector<Point> inside_, ring_;
   std::vector<float> depths_;

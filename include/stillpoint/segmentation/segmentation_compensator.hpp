@@ -150,6 +150,7 @@ class SegmentationCompensator {
 
  private:
   static constexpr std::size_t kFewestPoints = 4;
+  static constexpr float kSurelyMovedM = 0.15f;
   static constexpr double kGapS = 0.1;  // between two frames that count as seen in a row
 
   std::size_t history() const { return static_cast<std::size_t>(settings_.history); }
@@ -230,6 +231,11 @@ class SegmentationCompensator {
       object.seen_for_s += std::min(frame.timestamp - object.seen_s, kGapS);
       object.seen_s = frame.timestamp;
       ++object.times_seen;
+      object.forget_way();
+    } else if (std::abs(object.went_m()) > kSurelyMovedM) {
+      // Who walks away is not where it was seen free before, yet goes on moving.
+      object.seen_s = frame.timestamp;
+      object.forget_way();
     }
     // A late segmenter gives few results: one that misses the object must not end it.
     const double known_s = late_ ? std::max(object.seen_s, last_result_at_s_) : object.seen_s;

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <cstddef>
 #include <mutex>
 #include <opencv2/core.hpp>
@@ -46,12 +47,15 @@ class StartReview {
       if (records.size() < kSettled) return;
       kept.swap(kept_);
     }
+    std::size_t right = 0;  // no frame from here on was wrong
     for (std::size_t i = kept.size(); i-- > 0;) {
       const std::lock_guard<std::mutex> guard(lock);
-      std::optional<TrackedFrame> found = track_again(optics, map, records, i, kept[i]);
+      const double later_s = records[std::max(i + kLater, right)].timestamp;
+      std::optional<TrackedFrame> found = track_again(optics, map, records, i, later_s, kept[i]);
       if (!found) break;  // earlier frames are still farther from what is known
       if (fits(optics, map, *found, records[i].pose(map))) continue;
-      const KeyframeId later = first_keyframe_after(map, records[i + kLater].timestamp);
+      right = std::max(right, i + 1);
+      const KeyframeId later = first_keyframe_after(map, later_s);
       if (later == kNone) break;
       if (Keyframe* own = keyframe_of(map, records[i].timestamp))
         mend(map, *own, *found, records, later);
@@ -72,11 +76,12 @@ class StartReview {
     cv::Mat gray;
   };
 
-  // The frame's pose by the points that later keyframes see; none if these are too few.
+  // The frame's pose by the points that keyframes after `later_s` see; none if these are too few.
   static std::optional<TrackedFrame> track_again(const Optics& optics, const Map& map,
                                                  const std::vector<FrameRecord>& records,
-                                                 std::size_t i, const Kept& kept) {
-    const std::vector<PointId> points = points_seen_after(map, records[i + kLater].timestamp);
+                                                 std::size_t i, double later_s,
+                                                 const Kept& kept) {
+    const std::vector<PointId> points = points_seen_after(map, later_s);
     // As it went on afterwards it may have come, or it was right before.
     const Eigen::Isometry3d next = records[i + 1].pose(map);
     const Eigen::Isometry3d after = records[i + 2].pose(map);
