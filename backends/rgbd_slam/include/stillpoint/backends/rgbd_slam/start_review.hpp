@@ -3,6 +3,7 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <array>
 #include <cstddef>
 #include <mutex>
 #include <opencv2/core.hpp>
@@ -20,38 +21,39 @@ namespace stillpoint::rgbd_slam {
 ///
 /// At the start nobody may know yet who moves: where people fill half of the picture and no mask
 /// covers them, the first frames go with them, and when the masks come the rest of the way has a
-/// wrong beginning. So the first frames are kept, and later tracked anew, the last first, by those
-/// points only that keyframes of a while later see. Where the old pose loses some of these, the new
+/// wrong beginning. So the first frames are kept, and tracked anew after one and a half and after
+/// three seconds (at 30 Hz), the last first, by those points only that keyframes of a while later
+/// see. Where the old pose loses some of these, the new
 /// one takes its place; a keyframe forgets what it had seen from there. Frames that were right
 /// (nearly all) stay as they are.
 class StartReview {
  public:
-  /// Frames that are kept (about 0.4 MB each at 640 x 480), and tracked frames after which they are
-  /// judged.
-  static constexpr std::size_t kFrames = 30, kSettled = 45;
+  /// Frames that are kept (about 0.4 MB each at 640 x 480) until they have been judged twice.
+  static constexpr std::size_t kFrames = 60;
 
   /// Keeps the next tracked frame, as it was before its keypoints were aligned.
   void keep(KeypointFrame frame, const cv::Mat& gray) {
     kept_.push_back({std::move(frame), gray.clone()});
   }
 
-  void reset() { kept_.clear(); }
+  void reset() {
+    kept_.clear();
+    round_ = 0;
+  }
 
-  /// Judges the frames kept, which are the first ones of `records`, and forgets them; does nothing
-  /// while there are less than kSettled records, nor a second time. No other thread may change the
-  /// map's keyframes meanwhile; `lock`, the map's, is held for one frame (about 5 ms) at a time.
+  /// Judges the frames kept, which are the first ones of `records`, if it is time. No other thread
+  /// may change the map's keyframes meanwhile, or reset this; `lock`, the map's, is held for one
+  /// frame (about 5 ms) at a time.
   void run(const Optics& optics, Map& map, std::mutex& lock, std::vector<FrameRecord>& records) {
-    std::vector<Kept> kept;
     {
       const std::lock_guard<std::mutex> guard(lock);
-      if (records.size() < kSettled) return;
-      kept.swap(kept_);
+      if (round_ == kRounds.size() || records.size() < kRounds[round_].settled) return;
     }
     std::size_t right = 0;  // no frame from here on was wrong
-    for (std::size_t i = kept.size(); i-- > 0;) {
+    for (std::size_t i = kRounds[round_].frames; i-- > 0;) {
       const std::lock_guard<std::mutex> guard(lock);
       const double later_s = records[std::max(i + kLater, right)].timestamp;
-      std::optional<TrackedFrame> found = track_again(optics, map, records, i, later_s, kept[i]);
+      std::optional<TrackedFrame> found = track_again(optics, map, records, i, later_s, kept_[i]);
       if (!found) break;  // earlier frames are still farther from what is known
       if (fits(optics, map, *found, records[i].pose(map))) continue;
       right = std::max(right, i + 1);
@@ -61,9 +63,17 @@ class StartReview {
         mend(map, *own, *found, records, later);
       records[i] = FrameRecord(map, records[i].timestamp, later, found->T_camera_world);
     }
+    const std::lock_guard<std::mutex> guard(lock);
+    if (++round_ == kRounds.size()) std::vector<Kept>().swap(kept_);
   }
 
  private:
+  // How many frames are judged, once so many have been tracked.
+  struct Round {
+    std::size_t frames, settled;
+  };
+  static constexpr std::array<Round, 2> kRounds{{{30, 45}, {kFrames, 90}}};
+
   static constexpr int kFewestInliers = 40;
   // Frames after which a keyframe may speak: the next ones may be wrong in the same way.
   static constexpr std::size_t kLater = 10;
@@ -170,6 +180,7 @@ class StartReview {
   }
 
   std::vector<Kept> kept_;
+  std::size_t round_ = 0;
 };
 
 }  // namespace stillpoint::rgbd_slam
