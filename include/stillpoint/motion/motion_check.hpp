@@ -27,7 +27,7 @@ struct MotionCheckSettings {
   /// Side of a cell, an even number. 0: about 1/80 of the picture's width.
   int block_px = 0;
   /// Least number of cells, and least area, that must stand in space that was seen to be free
-  /// before a region counts as moved.
+  /// before a region counts as moved. 50 cells are enough however close, and so however small.
   int min_moved_cells = 6;
   double min_moved_area_m2 = 0.02;
   /// Least share of such cells in the region grown from them.
@@ -200,7 +200,7 @@ class MotionCheck {
 
  private:
   static constexpr float kDissentReachM = 0.1f;
-  static constexpr int kManyCells = 50;  // surely no noise, however close and small
+  static constexpr int kManyCells = 50;
 
   enum State : std::uint8_t { kFree, kTaken };
 

@@ -41,7 +41,8 @@ struct SegmentationCompensatorSettings {
   /// by less than so many pixels during the exposure and the edges are sharp: who is there is
   /// seldom missed then. 0: all count alike.
   double sharp_px = 4;
-  /// How long an object is carried along without being seen, where no results end it before.
+  /// How long an object is carried along without being seen, where no results end it before. An
+  /// object that goes away from the camera, or towards it, for itself by 15 cm counts as seen.
   double max_prediction_s = 0.6;
   /// The same for an object without a class, if it was seen for a while: the motion check finds it
   /// again as soon as it moves, and the depth says whether it is still there. Each second of being

@@ -38,7 +38,7 @@ class StartReview {
 
   void reset() {
     kept_.clear();
-    round_ = 0;
+    round_ = right_ = 0;
   }
 
   /// Judges the frames kept, which are the first ones of `records`, if it is time. No other thread
@@ -49,14 +49,13 @@ class StartReview {
       const std::lock_guard<std::mutex> guard(lock);
       if (round_ == kRounds.size() || records.size() < kRounds[round_].settled) return;
     }
-    std::size_t right = 0;  // no frame from here on was wrong
     for (std::size_t i = kRounds[round_].frames; i-- > 0;) {
       const std::lock_guard<std::mutex> guard(lock);
-      const double later_s = records[std::max(i + kLater, right)].timestamp;
+      const double later_s = records[std::max(i + kLater, right_)].timestamp;
       std::optional<TrackedFrame> found = track_again(optics, map, records, i, later_s, kept_[i]);
       if (!found) break;  // earlier frames are still farther from what is known
       if (fits(optics, map, *found, records[i].pose(map))) continue;
-      right = std::max(right, i + 1);
+      right_ = std::max(right_, i + 1);
       const KeyframeId later = first_keyframe_after(map, later_s);
       if (later == kNone) break;
       if (Keyframe* own = keyframe_of(map, records[i].timestamp))
@@ -74,7 +73,7 @@ class StartReview {
   };
   static constexpr std::array<Round, 2> kRounds{{{30, 45}, {kFrames, 90}}};
 
-  static constexpr int kFewestInliers = 40;
+  static constexpr int kFewestInliers = 25;
   // Frames after which a keyframe may speak: the next ones may be wrong in the same way.
   static constexpr std::size_t kLater = 10;
   // Of the points that are found again. Many fit a wrong pose, too: what is far hardly tells a step
@@ -181,6 +180,7 @@ class StartReview {
 
   std::vector<Kept> kept_;
   std::size_t round_ = 0;
+  std::size_t right_ = 0;  // no frame from here on was wrong
 };
 
 }  // namespace stillpoint::rgbd_slam
