@@ -308,14 +308,10 @@ void mend_the_start(int covered) {
   }
 }
 
-TEST(SlamSystem, MendsTheStartOnceItKnowsWhatStandsStill) {
-  mend_the_start(8);
-}
+TEST(SlamSystem, MendsTheStartOnceItKnowsWhatStandsStill) { mend_the_start(8); }
 
 // Then keyframes of 10 frames later have it in their map, too.
-TEST(SlamSystem, MendsALongWrongStart) {
-  mend_the_start(20);
-}
+TEST(SlamSystem, MendsALongWrongStart) { mend_the_start(20); }
 
 TEST(SlamSystem, SaysThatItIsLostAndGoesOnInTheSameFrameOfReference) {
   SlamSystem slam(test_scene::camera(), small_settings());

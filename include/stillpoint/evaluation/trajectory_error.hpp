@@ -277,7 +277,8 @@ inline RpeResult rpe(const Trajectory& groundtruth, const Trajectory& estimate,
     });
     translations.push_back(error.translation().norm());
     const double cosine = (error.linear().trace() - 1) / 2;
-    rotations.push_back(std::acos(std::min(1.0, std::max(-1.0, cosine))) * 180 / static_cast<double>(EIGEN_PI));
+    rotations.push_back(std::acos(std::min(1.0, std::max(-1.0, cosine))) * 180 /
+                        static_cast<double>(EIGEN_PI));
   }
   result.pairs = translations.size();
   result.translation_m = error_statistics(std::move(translations));

@@ -23,8 +23,8 @@ namespace stillpoint::rgbd_slam {
 /// covers them, the first frames go with them, and when the masks come the rest of the way has a
 /// wrong beginning. So the first frames are kept, and tracked anew after one and a half and after
 /// three seconds (at 30 Hz), the last first, by those points only that keyframes of a while later
-/// see. Where the old pose loses some of these, the new
-/// one takes its place; a keyframe forgets what it had seen from there. Frames that were right
+/// see, and later than the last frame that was wrong. Where the old pose loses some of these, the
+/// new one takes its place; a keyframe forgets what it had seen from there. Frames that were right
 /// (nearly all) stay as they are.
 class StartReview {
  public:
@@ -88,8 +88,7 @@ class StartReview {
   // The frame's pose by the points that keyframes after `later_s` see; none if these are too few.
   static std::optional<TrackedFrame> track_again(const Optics& optics, const Map& map,
                                                  const std::vector<FrameRecord>& records,
-                                                 std::size_t i, double later_s,
-                                                 const Kept& kept) {
+                                                 std::size_t i, double later_s, const Kept& kept) {
     const std::vector<PointId> points = points_seen_after(map, later_s);
     // As it went on afterwards it may have come, or it was right before.
     const Eigen::Isometry3d next = records[i + 1].pose(map);
