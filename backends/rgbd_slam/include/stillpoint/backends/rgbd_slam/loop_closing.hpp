@@ -69,6 +69,22 @@ class LoopClosing {
   int closed() const { return closed_; }
   void reset() { last_loop_ = -1000; }
 
+  /// Adjusts all keyframes and points at once (full bundle adjustment).
+  void adjust_all(Map& map, std::mutex& mapping_lock, std::mutex& lock) {
+    BundleProblem bundle;
+    {
+      const std::lock_guard<std::mutex> guard(lock);
+      std::vector<KeyframeId> all;
+      for (int i = 0; i < map.keyframe_end(); ++i)
+        if (map.keyframe(i)) all.push_back(i);
+      bundle = collect_bundle(map, optics_, all);
+    }
+    if (!solve_bundle(bundle, optics_, settings_.bundle_iterations, nullptr, true)) return;
+    const std::lock_guard<std::mutex> no_mapping(mapping_lock);
+    const std::lock_guard<std::mutex> guard(lock);
+    apply_global_bundle(map, bundle);
+  }
+
  private:
   struct Loop {
     KeyframeId place = kNone;
@@ -225,21 +241,6 @@ class LoopClosing {
         if (shared >= settings_.strong_covisibility) add(id, other);
     }
     return edges;
-  }
-
-  void adjust_all(Map& map, std::mutex& mapping_lock, std::mutex& lock) {
-    BundleProblem bundle;
-    {
-      const std::lock_guard<std::mutex> guard(lock);
-      std::vector<KeyframeId> all;
-      for (int i = 0; i < map.keyframe_end(); ++i)
-        if (map.keyframe(i)) all.push_back(i);
-      bundle = collect_bundle(map, optics_, all);
-    }
-    if (!solve_bundle(bundle, optics_, settings_.bundle_iterations, nullptr, true)) return;
-    const std::lock_guard<std::mutex> no_mapping(mapping_lock);
-    const std::lock_guard<std::mutex> guard(lock);
-    apply_global_bundle(map, bundle);
   }
 
   Optics optics_;

@@ -10,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "stillpoint/backends/rgbd_slam/frame_record.hpp"
 #include "stillpoint/backends/rgbd_slam/local_map.hpp"
 #include "stillpoint/backends/rgbd_slam/pnp.hpp"
 #include "stillpoint/backends/rgbd_slam/relocalizer.hpp"
@@ -36,7 +37,7 @@ class MapTracking {
     int min_start_points = 80;
     /// A keyframe is due when the matches fall below this share of those of the reference
     /// keyframe's points, at the latest after so many frames.
-    double keyframe_ratio = 0.9;
+    double keyframe_ratio = 0.95;
     int max_keyframe_gap = 15, min_keyframe_gap = 2;
     /// The map is started anew when it is lost for so many frames with fewer keyframes than that.
     int restart_after = 30, restart_keyframes = 4;
@@ -101,9 +102,21 @@ class MapTracking {
   /// Judges the first frames again once enough is known (see StartReview); `lock` is the map's.
   void review_start(Map& map, std::mutex& lock) { start_.run(optics_, map, lock, records_); }
 
+  /// Refines the poses of those frames that are old enough for the map around them to be known well
+  /// (`all`: of all that are left); see FrameRecord::settle(). `lock` is the map's, held for one
+  /// frame (about 0.3 ms) at a time.
+  void settle(const Map& map, std::mutex& lock, bool all = false) {
+    for (;;) {
+      const std::lock_guard<std::mutex> guard(lock);
+      if (settled_ + (all ? 0 : kSettleAfter) >= records_.size()) return;
+      records_[settled_++].settle(optics_, map);
+    }
+  }
+
   /// Forgets everything, the trajectory too: for a map that is started anew.
   void reset() {
     records_.clear();
+    settled_ = 0;
     start_.reset();
     local_ = LocalMap();
     motion_.reset();
@@ -119,13 +132,15 @@ class MapTracking {
     Trajectory trajectory;
     trajectory.reserve(records_.size());
     for (const FrameRecord& r : records_)
-      trajectory.push_back({r.timestamp, r.pose(map).inverse()});
+      trajectory.push_back({r.timestamp(), r.pose(map).inverse()});
     return trajectory;
   }
 
  private:
   // With so many the camera is sure to be where it was predicted.
   static constexpr int kSureInliers = 60;
+  // Frames after which those points that a frame saw are known as well as they will be.
+  static constexpr std::size_t kSettleAfter = 90;
 
   bool start(Map& map) {
     if (stats_.with_depth < settings_.min_start_points) return false;
@@ -139,7 +154,7 @@ class MapTracking {
   // The last motion stretched by the real time between frames: frames may be dropped.
   Eigen::Isometry3d stretched_motion() const {
     if (!motion_) return Eigen::Isometry3d::Identity();
-    const double dt = current_.frame.timestamp - records_.back().timestamp;
+    const double dt = current_.frame.timestamp - records_.back().timestamp();
     const double ratio = motion_dt_ > 0 && dt > 0 ? std::min(dt / motion_dt_, 10.0) : 1;
     const Eigen::AngleAxisd turn(motion_->linear());
     Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
@@ -232,11 +247,11 @@ class MapTracking {
     const KeyframeId reference = new_keyframe_ != kNone ? new_keyframe_ : local_.reference;
     if (tracking_ && !records_.empty()) {
       motion_ = current_.T_camera_world * last_pose(map).inverse();
-      motion_dt_ = current_.frame.timestamp - records_.back().timestamp;
+      motion_dt_ = current_.frame.timestamp - records_.back().timestamp();
     } else {
       motion_.reset();
     }
-    records_.emplace_back(map, current_.frame.timestamp, reference, current_.T_camera_world);
+    records_.emplace_back(map, reference, current_);
   }
 
   bool keyframe_due(const Map& map, bool mapper_busy) const {
@@ -285,6 +300,7 @@ class MapTracking {
   TrackedFrame current_;
   LocalMap local_;
   std::vector<FrameRecord> records_;
+  std::size_t settled_ = 0;  // records_ before
   StartReview start_;
   Stats stats_;
   KeyframeId new_keyframe_ = kNone;

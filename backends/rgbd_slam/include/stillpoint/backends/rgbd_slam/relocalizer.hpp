@@ -44,8 +44,9 @@ inline int find_pose_at_place(const Optics& optics, const Map& map, KeyframeId p
   std::vector<PointId> matched;
   for (const DescriptorMatch& m : match_all(f.frame.descriptors, known, {60, 0.9})) {
     const PointId id = ids[static_cast<std::size_t>(m.second)];
-    observations.push_back(pose_observation(optics, f.frame, static_cast<std::size_t>(m.first),
-                                            map.point(id)->position));
+    observations.push_back(
+        pose_observation(optics, f.frame.keypoints[static_cast<std::size_t>(m.first)],
+                         static_cast<std::size_t>(m.first), map.point(id)->position));
     matched.push_back(id);
   }
   const auto T =

@@ -11,6 +11,7 @@
 #include <utility>
 #include <vector>
 
+#include "stillpoint/backends/rgbd_slam/frame_record.hpp"
 #include "stillpoint/backends/rgbd_slam/image_pyramid.hpp"
 #include "stillpoint/backends/rgbd_slam/map.hpp"
 #include "stillpoint/backends/rgbd_slam/tracked_frame.hpp"
@@ -51,16 +52,16 @@ class StartReview {
     }
     for (std::size_t i = kRounds[round_].frames; i-- > 0;) {
       const std::lock_guard<std::mutex> guard(lock);
-      const double later_s = records[std::max(i + kLater, right_)].timestamp;
+      const double later_s = records[std::max(i + kLater, right_)].timestamp();
       std::optional<TrackedFrame> found = track_again(optics, map, records, i, later_s, kept_[i]);
       if (!found) break;  // earlier frames are still farther from what is known
       if (fits(optics, map, *found, records[i].pose(map))) continue;
       right_ = std::max(right_, i + 1);
       const KeyframeId later = first_keyframe_after(map, later_s);
       if (later == kNone) break;
-      if (Keyframe* own = keyframe_of(map, records[i].timestamp))
+      if (Keyframe* own = keyframe_of(map, records[i].timestamp()))
         mend(map, *own, *found, records, later);
-      records[i] = FrameRecord(map, records[i].timestamp, later, found->T_camera_world);
+      records[i] = FrameRecord(map, later, *found);
     }
     const std::lock_guard<std::mutex> guard(lock);
     if (++round_ == kRounds.size()) std::vector<Kept>().swap(kept_);
@@ -173,8 +174,7 @@ class StartReview {
     }
     map.update_connections(keyframe.id);
     for (std::size_t r = 0; r < records.size(); ++r)
-      if (!records[r].pose(map).isApprox(poses[r]))
-        records[r] = FrameRecord(map, records[r].timestamp, later, poses[r]);
+      if (!records[r].pose(map).isApprox(poses[r])) records[r].hang_on(map, later, poses[r]);
   }
 
   std::vector<Kept> kept_;

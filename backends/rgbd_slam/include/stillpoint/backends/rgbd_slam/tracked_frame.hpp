@@ -44,24 +44,6 @@ struct TrackedFrame {
   }
 };
 
-/// Where a frame was tracked: relative to a keyframe, with which it moves.
-struct FrameRecord {
-  double timestamp;
-  KeyframeId reference;
-  Eigen::Isometry3d T_camera_reference;
-
-  FrameRecord(const Map& map, double time, KeyframeId keyframe,
-              const Eigen::Isometry3d& T_camera_world)
-      : timestamp(time),
-        reference(keyframe),
-        T_camera_reference(T_camera_world * map.pose_of(keyframe).inverse()) {}
-
-  /// T_camera_world.
-  Eigen::Isometry3d pose(const Map& map) const {
-    return T_camera_reference * map.pose_of(reference);
-  }
-};
-
 /// Where a map point should be seen.
 struct Projection {
   Eigen::Vector2d pixel;
@@ -108,15 +90,14 @@ inline int match_projections(const Optics& optics, const Map& map,
 }
 
 /// The observation of a keypoint for the pose optimiser.
-inline PoseObservation pose_observation(const Optics& optics, const KeypointFrame& frame,
-                                        std::size_t keypoint, const Eigen::Vector3d& point) {
-  const FrameKeypoint& k = frame.keypoints[keypoint];
+inline PoseObservation pose_observation(const Optics& optics, const FrameKeypoint& k,
+                                        std::size_t index, const Eigen::Vector3d& point) {
   PoseObservation o;
   o.point = point;
   o.pixel = k.pixel();
   o.inverse_depth = k.depth_m > 0 ? 1.0 / k.depth_m : 0;
   o.sigma_px = optics.sigma_px(k);
-  o.index = static_cast<int>(keypoint);
+  o.index = static_cast<int>(index);
   return o;
 }
 
@@ -127,7 +108,7 @@ inline std::vector<PoseObservation> pose_observations(const Optics& optics, cons
   observations.reserve(f.points.size());
   for (std::size_t i = 0; i < f.points.size(); ++i)
     if (const MapPoint* point = map.point(f.points[i]))
-      observations.push_back(pose_observation(optics, f.frame, i, point->position));
+      observations.push_back(pose_observation(optics, f.frame.keypoints[i], i, point->position));
     else
       f.points[i] = kNone;
   return observations;
