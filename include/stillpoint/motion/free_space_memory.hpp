@@ -39,19 +39,19 @@ class FreeSpaceMemory {
     view.T_world_camera = T_world_camera;
     view.width = frame.width, view.height = frame.height;
     view.fx = frame.fx, view.fy = frame.fy, view.cx = frame.cx, view.cy = frame.cy;
-    view.places.resize(frame.size() + 1);
-    view.places.back() = {kNone, kNone};
-    for (std::size_t i = 0; i < frame.size(); ++i)
-      view.places[i] = {frame.depth_m[i] > 0 && !dynamic[i] ? frame.depth_m[i] : kNone, 0};
+    // Nothing is known at the rim: it stands for all beyond.
+    view.places.assign(frame.size(), {kNone, 0});
     // A place is free as far as all cells around saw through it.
     const std::size_t w = static_cast<std::size_t>(frame.width);
     nearest_.resize(w);
     for (int y = 1; y + 1 < frame.height; ++y) {
       const float* z = frame.depth_m.data() + frame.index(0, y);
+      const std::uint8_t* moves = dynamic.data() + frame.index(0, y);
       nearest_of_three(z - w, z, z + w, w, nearest_.data());
-      Place* place = view.places.data() + frame.index(1, y);
-      for (std::size_t x = 0; x + 2 < w; ++x)
-        place[x].free_to_m = std::min({nearest_[x], nearest_[x + 1], nearest_[x + 2]});
+      Place* place = view.places.data() + frame.index(0, y);
+      for (std::size_t x = 1; x + 1 < w; ++x)
+        place[x] = {z[x] > 0 && !moves[x] ? z[x] : kNone,
+                    std::min({nearest_[x - 1], nearest_[x], nearest_[x + 1]})};
     }
   }
 
@@ -78,17 +78,17 @@ class FreeSpaceMemory {
       last = best;
       compare(views_[best], T_world_camera, frame);
     }
+    static_assert(static_cast<int>(CellEvidence::kMoved) == 2 &&
+                  static_cast<int>(CellEvidence::kStatic) == 1);
     for (std::size_t i = 0; i < frame.size(); ++i)
-      if (score_[i] != 0)
-        evidence[i] = score_[i] > 1   ? CellEvidence::kMoved
-                      : score_[i] < 0 ? CellEvidence::kStatic
-                                      : CellEvidence::kUnknown;
+      evidence[i] = static_cast<CellEvidence>(2 * (score_[i] > 1) + (score_[i] < 0));
   }
 
  private:
   static constexpr std::size_t kCapacity = 52;  // 1.7 s at 30 Hz
 
-  static constexpr float kNone = -1e9f;
+  static constexpr float kNone = -1e9f, kBeyond = 1e9f;
+  static constexpr float kNearest = 0.3f;
 
   // One cell: depth of the static surface seen there, or kNone; free up to a depth, 0: not known.
   struct Place {
@@ -110,8 +110,9 @@ class FreeSpaceMemory {
     }
   }
 
-  // The cells of a row in an earlier view: the place they fall on, or the one behind the last, of
-  // which nothing is known; depth there, and what noise and rounding of the pose may do to it.
+  // The cells of a row in an earlier view: the place they fall on; the depth they have there, far
+  // beyond everything if they have none or lie behind; what noise and rounding of the pose may do
+  // to it.
   struct Row {
     std::vector<int> place;
     std::vector<float> z, slack;
@@ -119,25 +120,32 @@ class FreeSpaceMemory {
   struct Projection {
     Eigen::Vector3f first, per_cell, t;  // p = (first + per_cell * x) * depth + t
     float fx, fy, cx, cy;                // half a cell added: to be rounded down
-    float columns, right, bottom, nowhere;
+    float columns, right, bottom;
   };
 
+  // Choices between numbers only, which become vector instructions.
   static void project(const Projection& p, const float* STILLPOINT_RESTRICT depth, std::size_t n,
                       int* STILLPOINT_RESTRICT place, float* STILLPOINT_RESTRICT z,
                       float* STILLPOINT_RESTRICT slack) {
+    const float x0 = p.first.x(), y0 = p.first.y(), z0 = p.first.z();
+    const float dx = p.per_cell.x(), dy = p.per_cell.y(), dz = p.per_cell.z();
+    const float tx = p.t.x(), ty = p.t.y(), tz = p.t.z();
+    const float fx = p.fx, fy = p.fy, cx = p.cx, cy = p.cy;
+    const float columns = p.columns, right = p.right, bottom = p.bottom;
     for (std::size_t i = 0; i < n; ++i) {
       const float x = static_cast<float>(static_cast<int>(i)), d = depth[i];
-      const float px = (p.first.x() + p.per_cell.x() * x) * d + p.t.x();
-      const float py = (p.first.y() + p.per_cell.y() * x) * d + p.t.y();
-      const float pz = (p.first.z() + p.per_cell.z() * x) * d + p.t.z();
+      const float px = (x0 + dx * x) * d + tx;
+      const float py = (y0 + dy * x) * d + ty;
+      const float pz = (z0 + dz * x) * d + tz;
       const float inverse = 1 / pz;
-      const float u = p.fx * px * inverse + p.cx, v = p.fy * py * inverse + p.cy;
-      const bool seen = (d > 0) & (pz >= 0.3f) & (u >= 1) & (v >= 1) & (u < p.right) &
-                        (v < p.bottom);  // false for NaN, too
-      const float column = static_cast<float>(static_cast<int>(seen ? u : 0.0f));
-      const float row = static_cast<float>(static_cast<int>(seen ? v : 0.0f));
-      place[i] = static_cast<int>(seen ? row * p.columns + column : p.nowhere);
-      z[i] = pz;
+      const float u = fx * px * inverse + cx, v = fy * py * inverse + cy;
+      const float from_left = u > 0 ? u : 0, from_top = v > 0 ? v : 0;  // 0 for NaN
+      const float column = from_left < right ? from_left : right;
+      const float row = from_top < bottom ? from_top : bottom;
+      place[i] = static_cast<int>(static_cast<float>(static_cast<int>(row)) * columns +
+                                  static_cast<float>(static_cast<int>(column)));
+      const float measured = d > 0 ? pz : kBeyond;
+      z[i] = pz < kNearest ? kBeyond : measured;
       slack[i] = 0.03f + 0.012f * pz * pz;
     }
   }
@@ -155,7 +163,6 @@ class FreeSpaceMemory {
     p.fx = view.fx, p.fy = view.fy, p.cx = view.cx + 0.5f, p.cy = view.cy + 0.5f;
     p.columns = static_cast<float>(view.width);
     p.right = static_cast<float>(view.width) - 1, p.bottom = static_cast<float>(view.height) - 1;
-    p.nowhere = static_cast<float>(view.width * view.height);
     for (int y = 0; y < frame.height; ++y) {
       p.first = R * Eigen::Vector3f(-frame.cx / frame.fx,
                                     (static_cast<float>(y) - frame.cy) / frame.fy, 1);
