@@ -5,9 +5,11 @@
 #include <cstddef>
 #include <cstdint>
 #include <opencv2/core.hpp>
+#include <vector>
 
 #include "stillpoint/core/camera.hpp"
 #include "stillpoint/core/frame.hpp"
+#include "stillpoint/core/instance.hpp"
 
 namespace stillpoint {
 
@@ -47,27 +49,18 @@ class DepthView {
   void clear() { image_ = cv::Mat(); }
   bool empty() const { return image_.empty(); }
 
-  /// Looks at one pixel of each line of memory of `part`; whether any of these is measured. Read
-  /// once in order, the part is at hand for reads here and there, each of which would have to wait
-  /// for it. O(pixels / 32).
-  bool glance(const cv::Rect& part) const {
-    unsigned any = 0;
-    for (int y = part.y; y < part.y + part.height; ++y) {
+  /// Whether any pixel is measured, asked of the instances' boxes first. O(pixels of the boxes /
+  /// 32) unless these are black.
+  bool any_measured(const std::vector<Instance>& instances = {}) const {
+    bool any = false;
+    for (const Instance& s : instances) any |= glance(s.box);
+    if (any || glance({cv::Point(), image_.size()})) return true;
+    unsigned bits = 0;
+    for (int y = 0; bits == 0 && y < image_.rows; ++y) {
       const std::uint16_t* z = row(y);
-      for (int x = part.x; x < part.x + part.width; x += 32) any |= z[x];
+      for (int x = 0; x < image_.cols; ++x) bits |= z[x];
     }
-    return any != 0;
-  }
-
-  /// Whether any pixel is measured. O(pixels / 32) unless it is black.
-  bool any_measured() const {
-    if (glance({cv::Point(), image_.size()})) return true;
-    unsigned any = 0;
-    for (int y = 0; any == 0 && y < image_.rows; ++y) {
-      const std::uint16_t* z = row(y);
-      for (int x = 0; x < image_.cols; ++x) any |= z[x];
-    }
-    return any != 0;
+    return bits != 0;
   }
 
   const std::uint16_t* row(int y) const { return image_.ptr<std::uint16_t>(y); }
@@ -99,6 +92,18 @@ class DepthView {
   float ray_y(float v) const { return (v - cy_) / fy_; }
 
  private:
+  // Looks at one pixel of each line of memory of `part`; whether any of these is measured. Read
+  // once in order, the part is at hand for reads here and there, each of which would have to wait
+  // for it.
+  bool glance(const cv::Rect& part) const {
+    unsigned any = 0;
+    for (int y = part.y; y < part.y + part.height; ++y) {
+      const std::uint16_t* z = row(y);
+      for (int x = part.x; x < part.x + part.width; x += 32) any |= z[x];
+    }
+    return any != 0;
+  }
+
   static constexpr float kSlackM = 1e-5f;
 
   cv::Mat image_, converted_;

@@ -68,9 +68,7 @@ class DepthMaskFuser {
     status_ = frame.depth.empty() ? kNoDepth : kOk;
     if (has_depth) {
       depth_.set(frame, camera_);
-      bool measured = false;
-      for (const Instance& s : segmentation.instances) measured |= depth_.glance(s.box);
-      if (!measured && !depth_.any_measured()) status_ = kNoDepth;
+      if (!depth_.any_measured(segmentation.instances)) status_ = kNoDepth;
       region_.begin_frame(depth_, segmentation.instances, T_current_last);
     }
     fused_.resize(n);

@@ -200,16 +200,22 @@ class InstanceRegion {
                        bit_of(box.x), columns_.data());
       std::uint64_t* row = bits_of(y);
       for (std::size_t k = 0; k < words_; ++k)
-        for (std::uint64_t left = columns_[k] & ~row[k]; left != 0;) {
-          const int at = detail::lowest_bit(left) / kPart * kPart;
-          const std::uint64_t part = std::uint64_t{0xffff} << at;
-          const int x = 64 * (first_word_ + static_cast<int>(k)) + at;
-          uchar zero[kPart];
-          mark_zeros(depth_part(depth, x, y), zero);
-          row[k] |= left & detail::pack_16(zero) << at;
-          left &= ~part;
-        }
+        row[k] |= unmeasured(depth, k, y, columns_[k] & ~row[k]);
     }
+  }
+
+  // Those of the pixels `asked`, bits of word k of row y, that have no depth.
+  std::uint64_t unmeasured(const DepthView& depth, std::size_t k, int y, std::uint64_t asked) {
+    std::uint64_t found = 0;
+    for (std::uint64_t left = asked; left != 0;) {
+      const int at = detail::lowest_bit(left) / kPart * kPart;
+      const int x = 64 * (first_word_ + static_cast<int>(k)) + at;
+      uchar zero[kPart];
+      mark_zeros(depth_part(depth, x, y), zero);
+      found |= detail::pack_16(zero) << at;
+      left &= ~(std::uint64_t{0xffff} << at);
+    }
+    return found & asked;
   }
 
   static void mark_zeros(const std::uint16_t* STILLPOINT_RESTRICT z,
@@ -239,13 +245,9 @@ class InstanceRegion {
         std::fill(wide_[2].begin(), wide_[2].end(), 0);
       std::uint64_t* row = bits_of(y);
       std::uint64_t* to = all.row(y) + static_cast<std::size_t>(first_word_);
-      const std::uint16_t* z = depth.row(y) + 64 * first_word_;
-      for (std::size_t k = 0; k < words_; ++k, z += 64) {
+      for (std::size_t k = 0; k < words_; ++k) {
         const std::uint64_t rim = (wide_[0][k] | wide_[1][k] | wide_[2][k]) & ~row[k] & columns_[k];
-        std::uint64_t claimed = 0;  // hard to foresee: no branch
-        detail::for_each_bit(rim,
-                             [&](int i) { claimed |= static_cast<std::uint64_t>(z[i] == 0) << i; });
-        row[k] |= claimed;
+        row[k] |= unmeasured(depth, k, y, rim);
         to[k] |= row[k];
       }
       detail::unpack(row, bit_of(area_.x), static_cast<std::size_t>(area_.width),

@@ -114,9 +114,7 @@ class ProbabilisticKeypointFilter {
     using Keypoint = std::decay_t<decltype(keypoints[0])>;
     using Traits = KeypointTraits<Keypoint>;
     const std::size_t n = keypoints.size();
-    selection_.clear();
-    selection_.probability.resize(n, 0.0f);
-    selection_.reason.resize(n, KeypointReason::kStatic);
+    selection_.probability.resize(n), selection_.reason.resize(n);
     points_.resize(n), index_.resize(n), dynamic_.resize(n), dynamic_points_.resize(n);
     std::size_t inside = 0, found = 0;
     min_x_ = min_y_ = 1e9f, max_x_ = max_y_ = -1e9f;

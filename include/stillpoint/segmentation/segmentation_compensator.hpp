@@ -161,7 +161,7 @@ class SegmentationCompensator {
     if (settings_.use_depth) {
       depth_.set(frame, camera_);
       // All of it black tells no more than none at all.
-      if (!depth_.empty() && !depth_.any_measured()) depth_.clear();
+      if (!depth_.empty() && !depth_.any_measured(segmentation.instances)) depth_.clear();
     }
     if (frame.timestamp <= last_s_) {
       reset();
