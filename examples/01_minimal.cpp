@@ -4,7 +4,7 @@
 #include <stillpoint/io/mask_folder.hpp>
 #include <stillpoint/stillpoint.hpp>
 int main(int argc, char** file) {  // three files: a color, a depth and a mask picture
-  if (argc != 4) return 2;
+  if (argc != 4) return std::cerr << "expected three files\n", 2;
   stillpoint::RgbdFrame frame{stillpoint::read_color(file[1]), stillpoint::read_depth(file[2])};
   std::vector<cv::KeyPoint> keypoints;  // yours, of any kind
   cv::ORB::create(1000)->detect(frame.color, keypoints);
