@@ -5,6 +5,7 @@
 
 #include <Eigen/Geometry>
 #include <cstdint>
+#include <opencv2/core.hpp>
 #include <vector>
 
 namespace {
@@ -125,6 +126,58 @@ TEST_F(FreeSpace, MovesTheNewestFrameAndForgetsAll) {
   memory_.clear();
   EXPECT_TRUE(memory_.empty());
   for (const CellEvidence e : judge(forward(0), wall(4))) EXPECT_EQ(e, CellEvidence::kUnknown);
+}
+
+// A frame that sees a surface `depth_m` away and nothing at all in the cells of `hole`.
+CoarseFrame with_hole(float depth_m, const cv::Rect& hole) {
+  CoarseFrame frame = wall(depth_m);
+  for (int y = hole.y; y < hole.y + hole.height; ++y)
+    for (int x = hole.x; x < hole.x + hole.width; ++x) frame.depth_m[frame.index(x, y)] = -1;
+  return frame;
+}
+
+class Holes : public FreeSpace {
+ protected:
+  // What is said of the hole's middle, after a wall at the end of the range and then `earlier` were
+  // seen, when something stands there `depth_m` away.
+  CellEvidence after(const CoarseFrame& earlier, float depth_m,
+                     const std::vector<std::uint8_t>& dynamic) {
+    memory_.add(-2, Eigen::Isometry3d::Identity(), wall(4), std::vector<std::uint8_t>(1200, 1));
+    memory_.clear();  // the range stays known
+    memory_.add(0, Eigen::Isometry3d::Identity(), earlier, dynamic);
+    CoarseFrame now = earlier;
+    now.depth_m[now.index(20, 15)] = depth_m;
+    return judge(forward(0), now)[now.index(20, 15)];
+  }
+  CellEvidence after(const CoarseFrame& earlier, float depth_m) {
+    return after(earlier, depth_m, std::vector<std::uint8_t>(earlier.size(), 0));
+  }
+
+  const cv::Rect large_{12, 8, 16, 14}, small_{17, 12, 7, 7};
+};
+
+TEST_F(Holes, AtTheEndOfTheRangeAreFreeSpace) {
+  EXPECT_EQ(after(with_hole(3.8f, large_), 2), CellEvidence::kMoved);
+  // Too near for the sensor, or as far as it hardly reaches: it may have stood there.
+  EXPECT_EQ(after(with_hole(3.8f, large_), 0.9f), CellEvidence::kUnknown);
+  EXPECT_EQ(after(with_hole(3.8f, large_), 3.3f), CellEvidence::kUnknown);
+}
+
+TEST_F(Holes, AmidNearSurfacesOrSmallSayNothing) {
+  EXPECT_EQ(after(with_hole(2.5f, large_), 2), CellEvidence::kUnknown);
+  EXPECT_EQ(after(with_hole(3.8f, small_), 2), CellEvidence::kUnknown);
+}
+
+TEST_F(Holes, AreNotBorderedByPeople) {
+  // Somebody stands before most of the border; the rest of it is far away.
+  CoarseFrame frame = with_hole(3.8f, large_);
+  std::vector<std::uint8_t> dynamic(frame.size(), 0);
+  for (int y = 0; y < 30; ++y)
+    for (int x = 0; x < 40; ++x)
+      if (frame.depth_m[frame.index(x, y)] > 0 && x < 27) frame.depth_m[frame.index(x, y)] = 1.5f;
+  EXPECT_EQ(after(frame, 2), CellEvidence::kUnknown);
+  for (std::size_t i = 0; i < frame.size(); ++i) dynamic[i] = frame.depth_m[i] == 1.5f;
+  EXPECT_EQ(after(frame, 2, dynamic), CellEvidence::kMoved);
 }
 
 }  // namespace

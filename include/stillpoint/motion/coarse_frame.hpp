@@ -18,7 +18,8 @@ namespace stillpoint {
 struct CoarseFrame {
   int block_px = 8;
   int width = 0, height = 0;
-  /// Depth per cell in metres; 0 where the block has none or is torn by a depth edge.
+  /// Depth per cell in metres; -1 where nothing in the block was measured, 0 where too little was or
+  /// a depth edge tears it.
   std::vector<float> depth_m;
   /// Focal length and principal point in cells.
   float fx = 1, fy = 1, cx = 0, cy = 0;
@@ -95,6 +96,7 @@ struct CoarseFrame {
       lo = std::min(lo, columns.lo[i] + 1), hi = std::max<int>(hi, columns.hi[i]);
       n += columns.n[i], sum += columns.sum[i];
     }
+    if (n == 0) return -1;
     if (2 * n < (block / 2) * (block / 2)) return 0;
     const float near = static_cast<float>(lo) * to_m, far = static_cast<float>(hi) * to_m;
     return far - near < 0.03f + 0.05f * near

@@ -10,6 +10,7 @@
 
 #include "stillpoint/core/config.hpp"
 #include "stillpoint/motion/coarse_frame.hpp"
+#include "stillpoint/motion/far_holes.hpp"
 
 namespace stillpoint {
 
@@ -44,6 +45,8 @@ class FreeSpaceMemory {
     // A place is free as far as all cells around saw through it.
     const std::size_t w = static_cast<std::size_t>(frame.width);
     nearest_.resize(w);
+    const std::vector<std::uint8_t>& far = holes_.find(frame, dynamic);
+    const Place hole{kHole, kSurelyInRange * holes_.range_m()};
     for (int y = 1; y + 1 < frame.height; ++y) {
       const float* z = frame.depth_m.data() + frame.index(0, y);
       const std::uint8_t* moves = dynamic.data() + frame.index(0, y);
@@ -52,6 +55,8 @@ class FreeSpaceMemory {
       for (std::size_t x = 1; x + 1 < w; ++x)
         place[x] = {z[x] > 0 && !moves[x] ? z[x] : kNone,
                     std::min({nearest_[x - 1], nearest_[x], nearest_[x + 1]})};
+      for (std::size_t x = 1; x + 1 < w; ++x)
+        if (far[frame.index(0, y) + x] != 0) place[x] = hole;
     }
   }
 
@@ -87,10 +92,14 @@ class FreeSpaceMemory {
  private:
   static constexpr std::size_t kCapacity = 52;  // 1.7 s at 30 Hz
 
-  static constexpr float kNone = -1e9f, kBeyond = 1e9f;
+  static constexpr float kNone = -1e9f, kHole = -2e9f, kBeyond = 1e9f;
   static constexpr float kNearest = 0.3f;
+  static constexpr float kSurelyInRange = 0.8f;
+  // Sensors measure nothing close by either: so near, a hole does not tell what was there.
+  static constexpr float kSurelyMeasuredM = 1;
 
-  // One cell: depth of the static surface seen there, or kNone; free up to a depth, 0: not known.
+  // One cell: depth of the static surface seen there, kNone or, beyond the sensor's range, kHole;
+  // free up to a depth, 0 or less: not known.
   struct Place {
     float surface_m, free_to_m;
   };
@@ -172,7 +181,8 @@ class FreeSpaceMemory {
       for (std::size_t x = 0; x < n; ++x) {  // hard to foresee: no branch
         const Place& place = view.places[static_cast<std::size_t>(row_.place[x])];
         const float z = row_.z[x], slack = row_.slack[x];
-        const int free = place.free_to_m > z + slack + 0.02f;
+        const int sure = (place.surface_m > kHole) | (z > kSurelyMeasuredM);
+        const int free = (place.free_to_m > z + slack + 0.02f) & sure;
         const int same = (score[x] <= 0) & (std::abs(place.surface_m - z) < slack) & (1 - free);
         score[x] = static_cast<signed char>(score[x] + 2 * free - same);
       }
@@ -183,6 +193,7 @@ class FreeSpaceMemory {
   std::size_t count_ = 0, next_ = 0, newest_ = 0;
   std::vector<signed char> score_;
   std::vector<float> nearest_;
+  FarHoles holes_;
   Row row_;
 };
 

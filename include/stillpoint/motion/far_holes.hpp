@@ -1,0 +1,100 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "stillpoint/motion/coarse_frame.hpp"
+
+namespace stillpoint {
+
+/// Holes in the depth through which the camera looks farther than its depth sensor reaches: large
+/// ones whose border runs, to a good part, along surfaces at the end of the range. What stands
+/// there later, nearer than that, has come. Small holes, and those amid near surfaces (black,
+/// glossy or too close), say nothing.
+class FarHoles {
+ public:
+  /// Finds the cells of a frame that lie in such holes, not at their rims: one byte each, 1 = in a
+  /// hole. `dynamic`: one byte per cell, not 0 = taken for dynamic; a person before the hole is no
+  /// border. Valid until the next call. O(cells).
+  const std::vector<std::uint8_t>& find(const CoarseFrame& frame,
+                                        const std::vector<std::uint8_t>& dynamic) {
+    found_.assign(frame.size(), 0);
+    seen_.assign(frame.size(), 0);
+    learn_range(frame);
+    if (range_m_ < kShortestRangeM) return found_;
+    for (int y = 1; y + 1 < frame.height; ++y)
+      for (int x = 1; x + 1 < frame.width; ++x)
+        if (const std::size_t i = frame.index(x, y); frame.depth_m[i] < 0 && !seen_[i])
+          if (looks_far(frame, dynamic, x, y)) mark(frame);
+    return found_;
+  }
+
+  /// The farthest that was ever measured, metres.
+  float range_m() const { return range_m_; }
+
+ private:
+  static constexpr float kShortestRangeM = 2.5f, kEndOfRange = 0.85f;
+  static constexpr std::size_t kSmallestShare = 20;  // of the picture: one in 20
+  static constexpr int kFewestFar = 10;
+  struct Cell {
+    int x, y;
+  };
+
+  // One far cell alone may be noise.
+  void learn_range(const CoarseFrame& frame) {
+    const std::size_t w = static_cast<std::size_t>(frame.width);
+    for (int y = 1; y + 1 < frame.height; ++y) {
+      const float* z = frame.depth_m.data() + frame.index(0, y);
+      for (std::size_t x = 1; x + 1 < w; ++x)
+        if (z[x] > range_m_)
+          range_m_ =
+              std::max(range_m_, std::min({z[x], z[x - 1], z[x + 1], *(z + x - w), z[x + w]}));
+    }
+  }
+
+  // Collects the hole around a cell in queue_.
+  bool looks_far(const CoarseFrame& frame, const std::vector<std::uint8_t>& dynamic, int x0,
+                 int y0) {
+    int far = 0, near = 0;
+    queue_.assign(1, {x0, y0});
+    seen_[frame.index(x0, y0)] = 1;
+    for (std::size_t k = 0; k < queue_.size(); ++k) {
+      const Cell cell = queue_[k];
+      static constexpr int kNext[4][2] = {{-1, 0}, {1, 0}, {0, -1}, {0, 1}};
+      for (const auto& next : kNext) {
+        int x = cell.x + next[0], y = cell.y + next[1];
+        if (x < 1 || y < 1 || x + 1 >= frame.width || y + 1 >= frame.height) continue;
+        std::size_t i = frame.index(x, y);
+        if (frame.depth_m[i] < 0) {
+          if (!seen_[i]) queue_.push_back({x, y});
+          seen_[i] = 1;
+          continue;
+        }
+        // The cell beside a hole is often torn: then the one after it tells.
+        if (frame.depth_m[i] == 0) i = frame.index(x += next[0], y += next[1]);
+        if (!(frame.depth_m[i] > 0) || dynamic[i] != 0) continue;
+        ++(frame.depth_m[i] > kEndOfRange * range_m_ ? far : near);
+      }
+    }
+    return queue_.size() * kSmallestShare >= frame.size() && far >= kFewestFar && 2 * far >= near;
+  }
+
+  void mark(const CoarseFrame& frame) {
+    for (const Cell& cell : queue_) {
+      bool inner = true;
+      for (int y = cell.y - 1; y <= cell.y + 1; ++y)
+        for (int x = cell.x - 1; x <= cell.x + 1; ++x)
+          inner = inner && frame.depth_m[frame.index(x, y)] < 0;
+      found_[frame.index(cell.x, cell.y)] = inner;
+    }
+  }
+
+  float range_m_ = 0;
+  std::vector<std::uint8_t> found_, seen_;
+  std::vector<Cell> queue_;
+};
+
+}  // namespace stillpoint
