@@ -202,6 +202,8 @@ std::vector<Plot> plots_of_settings(const std::vector<const Json*>& rows) {
       points.series.push_back(kept);
       points.series.push_back(removed);
     }
+    // One sequence: the axis says what its only curve is.
+    error.legend = iou.legend = sequences.size() > 1;
     for (Plot* plot : {&error, &points, &iou}) {
       plot->y_from_zero = true;
       plots.push_back(*plot);

@@ -63,6 +63,15 @@ std::string open_svg(int width, int height, const std::string& title) {
 /// Width of a legend entry's text at font size 11, roughly.
 double text_width(const std::string& s) { return 6.2 * static_cast<double>(s.size()); }
 
+/// Where an axis over these (log10) begins: at the smallest, but a few tiny ones (2 %) must not
+/// flatten the rest; they may lie below the decade that the others begin in.
+double log_floor(std::vector<double> values) {
+  const std::size_t rank = values.size() / 50;
+  std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(rank),
+                   values.end());
+  return std::max(std::floor(values[rank]), *std::min_element(values.begin(), values.end()));
+}
+
 }  // namespace
 
 std::string escape_html(const std::string& text) {
@@ -94,11 +103,14 @@ std::string svg(const Plot& plot) {
   const auto usable = [&](double x, double y) {
     return std::isfinite(x) && std::isfinite(y) && (!plot.log_y || y > 0);
   };
+  std::vector<double> heights;
   for (const Series& s : plot.series)
     for (std::size_t i = 0; i < std::min(s.x.size(), s.y.size()); ++i)
-      if (usable(s.x[i], s.y[i])) xr.add(s.x[i]), yr.add(plot.log_y ? std::log10(s.y[i]) : s.y[i]);
-  // Three powers of ten are enough: a single tiny value must not flatten the rest.
-  if (plot.log_y) yr.low = std::max(yr.low, yr.high - 3);
+      if (usable(s.x[i], s.y[i])) {
+        heights.push_back(plot.log_y ? std::log10(s.y[i]) : s.y[i]);
+        xr.add(s.x[i]), yr.add(heights.back());
+      }
+  if (plot.log_y && !heights.empty()) yr.low = log_floor(heights);
   std::string out = open_svg(plot.width, plot.height, plot.title);
   if (xr.span() < 0)
     return out + text(plot.width / 2.0, plot.height / 2.0, "nothing to show", "middle") +
@@ -119,7 +131,7 @@ std::string svg(const Plot& plot) {
   std::vector<std::vector<const Series*>> legend;
   double filled_px = 0;
   const auto entry_px = [](const Series& s) { return 40 + text_width(s.name); };
-  if (plot.legend && plot.series.size() > 1)
+  if (plot.legend)
     for (const Series& s : plot.series) {
       if (legend.empty() || filled_px + entry_px(s) > plot.width)
         legend.emplace_back(), filled_px = 0;
@@ -151,7 +163,9 @@ std::string svg(const Plot& plot) {
   }
   if (plot.log_y) {
     for (int p = static_cast<int>(std::floor(yr.low)); p <= std::ceil(yr.high); ++p)
-      for (int m : {1, 2, 5}) {
+      for (int m = 1; m < 10; ++m) {
+        // Within a decade all digits, else one line may be all there is.
+        if (yr.span() > 0.8 && m != 1 && m != 2 && m != 5) continue;
         const double v = m * std::pow(10.0, p);
         if (std::log10(v) < yr.low || std::log10(v) > yr.high) continue;
         out += line(left, py(v), right, py(v), grid);
