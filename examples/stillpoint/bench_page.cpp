@@ -26,11 +26,12 @@ h4 { font-size: 14px; margin: 12px 0 4px; color: #444; }
 p, li { max-width: 860px; } .note { color: #555; font-size: 13px; }
 .scroll { overflow-x: auto; }
 table { border-collapse: collapse; font-size: 13px; font-variant-numeric: tabular-nums; }
-th, td { padding: 3px 9px; text-align: right; white-space: nowrap; border-bottom: 1px solid #e5e5e5; }
+th, td { padding: 3px 7px; text-align: right; white-space: nowrap; border-bottom: 1px solid #e5e5e5; }
 th { background: #f4f5f7; font-weight: 600; vertical-align: bottom; }
 th.group { text-align: center; border-left: 1px solid #ddd; }
 td:first-child, th:first-child { text-align: left; white-space: pre; }
 tr.failed td, td.failed { color: #a33; background: #fdf1f0; } td.best { font-weight: 700; }
+table.wide { font-size: 12px; } .wide th, .wide td { padding: 3px 5px; }
 .figures { display: flex; flex-wrap: wrap; gap: 12px; } svg { max-width: 100%; height: auto; }
 figure { margin: 0; max-width: 100%; } figure img { max-width: 100%; display: block; }
 figcaption { font-size: 13px; color: #555; padding: 2px 0 10px; }
@@ -98,7 +99,7 @@ std::string accuracy_table(const std::vector<const Json*>& rows) {
       "<th class=\"group\" colspan=\"2\">mask IoU</th>"
       "<th class=\"group\" colspan=\"2\">keypoints</th><th class=\"group\">ghosts</th>",
       {"RMSE", "worst", "mean", "spread", "S.D.", "m", "deg", "before", "after", "kept",
-       "on people %"});
+       "on people %", "of the map %"});
   for (const Json* row : rows)
     out += begin_row(*row) + cell(std::to_string((*row)["runs"].get<int>())) +
            at(*row, "coverage_min", 1, 100) +
@@ -141,9 +142,11 @@ std::string times(const std::vector<const Json*>& rows) {
   bars.title = "Time per frame (medians of the stages)";
   bars.x_label = "milliseconds";
   bars.parts.assign(std::begin(kStages), std::end(kStages));
-  std::string out = "<div class=\"scroll\"><table><thead><tr><th>ms per frame, median (p95)</th>";
+  std::string out =
+      "<div class=\"scroll\"><table class=\"wide\"><thead><tr><th>ms per frame,<br>median "
+      "(p95)</th>";
   for (const char* stage : kStages) out += std::string("<th>") + stage + "</th>";
-  out += "<th>total</th><th>memory MB</th></tr></thead><tbody>\n";
+  out += "<th>total</th><th>memory<br>MB</th></tr></thead><tbody>\n";
   for (const Json* row : rows) {
     if ((*row)["runs"].get<int>() == 0) continue;
     bars.labels.push_back((*row)["label"]);
@@ -197,18 +200,22 @@ std::string trimmed_label(const Json& result) {
   return label;
 }
 
+/// What the runs drawn in a view have in common.
+std::string view_title(const std::string& view, bool off, bool on) {
+  if (off && on) return view + ", with the front end off and on";
+  return off ? view + ", front end off" : on ? view + ", front end on" : view;
+}
+
 std::string trajectory_plots(const std::vector<const Json*>& shown) {
   std::string out;
-  // Only what is on does the second pair show: beside a lost estimate it would be a dot.
-  const auto add_view = [&](const std::string& title, std::size_t second, const char* y_label,
+  const auto add_view = [&](const char* view, std::size_t second, const char* y_label,
                             bool with_off) {
     Plot plot;
-    plot.title = title;
     plot.x_label = "x [m]";
     plot.y_label = y_label;
     plot.equal_axes = true;
     plot.width = 530, plot.height = 400;
-    bool truth_drawn = false;
+    bool truth_drawn = false, off = false, on = false;
     for (std::size_t k = 0; k < shown.size(); ++k) {
       const Json* r = shown[k];
       const Json& series = (*r)["stats"]["series"];
@@ -219,15 +226,23 @@ std::string trajectory_plots(const std::vector<const Json*>& shown) {
       truth_drawn = true;
       const std::string variant = (*r)["job"]["variant"];
       if (variant == "truth" || variant == "paper" || (variant == "off" && !with_off)) continue;
+      off = off || variant == "off";
+      on = on || variant == "default";
       plot.series.push_back({trimmed_label(*r), color_of(*r, k), column(series["path"], 0),
                              column(series["path"], second), 1.5, false, false, false});
     }
+    plot.title = view_title(view, off, on);
     if (plot.series.size() > 1) out += svg(plot);
   };
-  add_view("From above, with the front end off and on", 1, "y [m]", true);
-  add_view("From the side, with the front end off and on", 2, "z [m]", true);
-  add_view("From above, front end on", 1, "y [m]", false);
-  add_view("From the side, front end on", 2, "z [m]", false);
+  const auto add_pair = [&](bool with_off) {
+    add_view("From above", 1, "y [m]", with_off);
+    add_view("From the side", 2, "z [m]", with_off);
+  };
+  add_pair(true);
+  // Again without what is off: beside a lost estimate the others would be a dot.
+  if (std::any_of(shown.begin(), shown.end(),
+                  [](const Json* r) { return (*r)["job"]["variant"] == "off"; }))
+    add_pair(false);
   return out;
 }
 
@@ -454,7 +469,8 @@ std::string make_page(const Json& rows, const std::vector<Json>& results,
       "recall "
       "and F1 judge the front end's decision (removed = positive) on 1000 ORB keypoints over the "
       "whole "
-      "picture. Ghosts: share of the dense map's voxels where people were and nothing static is. "
+      "picture. Ghosts: percentage of the dense map's voxels where people were and nothing static "
+      "is. "
       "Times: wall clock, without reading pictures. All numbers: "
       "<code>results.csv</code>, "
       "<code>results.json</code>; settings and per-frame values: <code>runs/</code>.</p>\n";

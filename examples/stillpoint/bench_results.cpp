@@ -241,7 +241,8 @@ std::string rows_text(const Json& rows) {
       "after the "
       "front end, undilated;\nkept: keypoints per frame that reach the tracker, and how many of "
       "them lie "
-      "on people; ghosts: voxels of the dense map\nthat lie where people were; stages: median ms "
+      "on people; ghosts: share of the dense map's voxels\nthat lie where people were; stages: "
+      "median ms "
       "per frame.\n";
   out += "*  smallest error of the sequence, failed rows and exact masks aside.\n";
   if (failed)
