@@ -18,8 +18,8 @@ namespace stillpoint {
 struct CoarseFrame {
   int block_px = 8;
   int width = 0, height = 0;
-  /// Depth per cell in metres; -1 where nothing in the block was measured, 0 where too little was or
-  /// a depth edge tears it.
+  /// Depth per cell in metres; -1 where nothing in the block was measured, 0 where too little was
+  /// or a depth edge tears it.
   std::vector<float> depth_m;
   /// Focal length and principal point in cells.
   float fx = 1, fy = 1, cx = 0, cy = 0;

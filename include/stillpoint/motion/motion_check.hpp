@@ -66,8 +66,9 @@ struct MotionCheckSettings {
 /// It keeps the coarse depth of the last 1.7 s with the camera's poses. Each cell of the new frame
 /// is carried into some of these frames, 0.1 to 1.6 s old: if free space was seen there, the cell
 /// has moved; if the same surface was there, it is static; else nothing is said ("unknown" is never
-/// "dynamic"). Cells on depth edges and without depth say nothing. Moved cells that hang together
-/// grow over connected depth, never into static cells, and become instances without a class.
+/// "dynamic"). Cells on depth edges and without depth say nothing, but large holes at the end of
+/// the sensor's range are free space (FarHoles). Moved cells that hang together grow over connected
+/// depth, never into static cells, and become instances without a class.
 /// The long base finds slow movers, the depth finds those without texture, and blur does no harm.
 /// Surfaces around corners that move together otherwise than the camera have moved at once: so
 /// people are found in the first frames, before there is a past to compare with.
