@@ -93,17 +93,18 @@ Json make_row(const std::vector<const Json*>& runs) {
   return row;
 }
 
-/// Marks the smallest error of each sequence. What failed has an error over few frames, which is no
-/// error to compare; exact masks nobody has.
+/// Marks the smallest error of each sequence, and those that differ in no digit that is printed.
+/// What failed has an error over few frames, which is no error to compare; exact masks nobody has.
 void mark_best(Json& rows) {
   for (Json& row : rows) {
     const auto counts = [](const Json& r) {
       return r["failed"] == "" && r["variant"] != "truth" &&
              std::isfinite(number_at(r, "ate_rmse_m"));
     };
+    const auto printed = [](const Json& r) { return std::round(1e4 * number_at(r, "ate_rmse_m")); };
     row["best"] = counts(row) && std::none_of(rows.begin(), rows.end(), [&](const Json& other) {
                     return other["sequence"] == row["sequence"] && counts(other) &&
-                           number_at(other, "ate_rmse_m") < number_at(row, "ate_rmse_m");
+                           printed(other) < printed(row);
                   });
   }
 }
@@ -244,7 +245,9 @@ std::string rows_text(const Json& rows) {
       "on people; ghosts: share of the dense map's voxels\nthat lie where people were; stages: "
       "median ms "
       "per frame.\n";
-  out += "*  smallest error of the sequence, failed rows and exact masks aside.\n";
+  out +=
+      "*  smallest error of the sequence, or the same in print, failed rows and exact masks "
+      "aside.\n";
   if (failed)
     out +=
         "!  failed: under 95 % coverage (an error over few frames says nothing), or the run broke "
