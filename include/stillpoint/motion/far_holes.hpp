@@ -65,7 +65,7 @@ class FarHoles {
       const Cell cell = queue_[k];
       static constexpr int kNext[4][2] = {{-1, 0}, {1, 0}, {0, -1}, {0, 1}};
       for (const auto& next : kNext) {
-        int x = cell.x + next[0], y = cell.y + next[1];
+        const int x = cell.x + next[0], y = cell.y + next[1];
         if (x < 1 || y < 1 || x + 1 >= frame.width || y + 1 >= frame.height) continue;
         std::size_t i = frame.index(x, y);
         if (frame.depth_m[i] < 0) {
@@ -74,7 +74,7 @@ class FarHoles {
           continue;
         }
         // The cell beside a hole is often torn: then the one after it tells.
-        if (frame.depth_m[i] == 0) i = frame.index(x += next[0], y += next[1]);
+        if (frame.depth_m[i] == 0) i = frame.index(x + next[0], y + next[1]);
         if (!(frame.depth_m[i] > 0) || dynamic[i] != 0) continue;
         ++(frame.depth_m[i] > kEndOfRange * range_m_ ? far : near);
       }
