@@ -233,8 +233,8 @@ class BasicFrontEnd {
     const Segmentation* instances = &dynamic_;  // the segmenter's and the movers
     SegmentationCompensator::ClearStatic clear_static;
     if (settings_.use_motion)
-      clear_static = [this](const cv::Rect& area, cv::Mat& mask) {
-        motion_.clear_static(area, mask);
+      clear_static = [this](const cv::Rect& area, cv::Mat& mask, bool wide_only) {
+        motion_.clear_static(area, mask, wide_only);
       };
     if (settings_.use_compensation)
       instances = &compensator_.mend(frame, dynamic_, T, &blur, clear_static);

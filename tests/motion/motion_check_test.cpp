@@ -5,6 +5,7 @@
 
 #include <cmath>
 #include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
 #include <optional>
 
 #include "small_camera.hpp"
@@ -70,6 +71,7 @@ double share_of_box(const std::vector<Instance>& found, const Eigen::Vector3d& b
 struct Outcome {
   double found = 0, outside = 0;                // of the last frame
   double static_inside = 0, static_around = 0;  // what it clears: shares of the box, of the rest
+  cv::Mat cleared, cleared_wide;                // the same: 255; what is wide only
   int frames_with_finds = 0;
 };
 
@@ -97,8 +99,12 @@ Outcome drive(const Eigen::Vector3d& box_speed_m_s, double turn_deg_s, int frame
     Instance standing;
     standing.box = cv::Rect(0, 0, kWidth, kHeight);
     cv::Mat moved(kHeight, kWidth, CV_8UC1, cv::Scalar(255));
-    check.clear_static(standing.box, moved);
+    check.clear_static(standing.box, moved, false);
     cv::bitwise_not(moved, standing.mask);
+    result.cleared = standing.mask;
+    cv::Mat left(kHeight, kWidth, CV_8UC1, cv::Scalar(255));
+    check.clear_static(standing.box, left, true);
+    cv::bitwise_not(left, result.cleared_wide);
     result.static_inside = share_of_box({standing}, box, pose, size_m, &result.static_around);
     cv::Mat dynamic = cv::Mat::zeros(kHeight, kWidth, CV_8UC1);
     for (const Instance& s : found) dynamic(s.box).setTo(255, s.mask);
@@ -115,6 +121,20 @@ TEST(MotionCheck, FindsAMoverWithoutAName) {
   EXPECT_LT(r.outside, 0.01);
   EXPECT_GT(r.static_around, 0.5);
   EXPECT_LT(r.static_inside, 0.5 * r.static_around);  // it lies over where it was
+}
+
+TEST(MotionCheck, TellsWideStaticSurfacesFromThinOnes) {
+  const Outcome r = drive({0.5, 0, 0}, 0, 25);
+  EXPECT_EQ(cv::countNonZero(r.cleared_wide & ~r.cleared), 0);
+  EXPECT_GT(cv::countNonZero(r.cleared_wide), 0.9 * cv::countNonZero(r.cleared));
+  // Opened by a cross of cells 4 pixels wide; what lies beyond the picture may be static.
+  const cv::Mat cross = cv::getStructuringElement(cv::MORPH_CROSS, {3, 3});
+  cv::Mat cells, opened;
+  cv::resize(r.cleared, cells, cv::Size(), 0.25, 0.25, cv::INTER_NEAREST);
+  cv::morphologyEx(cells, opened, cv::MORPH_OPEN, cross);
+  EXPECT_LT(cv::countNonZero(opened), cv::countNonZero(cells)) << "nothing thin was there";
+  cv::resize(r.cleared_wide, cells, cv::Size(), 0.25, 0.25, cv::INTER_NEAREST);
+  EXPECT_EQ(cv::countNonZero(cells != opened), 0);
 }
 
 TEST(MotionCheck, FindsAMoverWhileTheCameraTurns) {

@@ -145,7 +145,9 @@ TEST(SegmentationCompensator, RestoresNothingWhereTheSameStoodBefore) {
     const cv::Rect box = walker.at(0).box;
     cv::Rect known(box.x, box.y + box.height / 2, box.width, box.height - box.height / 2);
     const cv::Rect lower = known;
-    const auto clear = [&](const cv::Rect& area, cv::Mat& mask) {
+    bool wide = true;
+    const auto clear = [&](const cv::Rect& area, cv::Mat& mask, bool wide_only) {
+      wide = wide_only;
       mask((known & area) - area.tl()).setTo(0);
     };
     const RgbdFrame frame = show.scene.frame(kStart + 0.133, {walker.at(0)});
@@ -156,18 +158,46 @@ TEST(SegmentationCompensator, RestoresNothingWhereTheSameStoodBefore) {
     EXPECT_EQ(cv::countNonZero(mended), name.empty() ? box.area() : box.area() - lower.area());
     EXPECT_EQ(cv::countNonZero(mended(lower)) > 0, name.empty());
     show.compensator.remember(frame, half.instances);
-    // What is seen stays, wherever it stands.
-    const RgbdFrame next = show.scene.frame(kStart + 0.167, {walker.at(0)});
+    EXPECT_EQ(wide, name.empty()) << "all that is static is cleared of what is carried along";
     known = cv::Rect(cv::Point(), show.scene.size);
-    const Segmentation& seen = show.compensator.mend(
-        next, result({box_instance(box, show.scene.size, name)}), std::nullopt, nullptr, clear);
-    EXPECT_EQ(cv::countNonZero(picture_of(seen.instances, show.scene.size)), box.area());
-    show.compensator.remember(next, seen.instances);
     const RgbdFrame last = show.scene.frame(kStart + 0.2, {walker.at(0)});
     const Segmentation& gone =
         show.compensator.mend(last, Segmentation(), std::nullopt, nullptr, clear);
     EXPECT_EQ(gone.instances.size(), name.empty() ? 1u : 0u);
     EXPECT_EQ(show.compensator.restored(), name.empty() ? 1 : 0);
+  }
+}
+
+TEST(SegmentationCompensator, TakesNothingAtItsWordThatStoodThereBefore) {
+  for (const std::string name : {"person", ""}) {
+    Show show;
+    const cv::Rect box = Walker().at(0).box;
+    const cv::Rect lower(box.x, box.y + box.height / 2, box.width, box.height - box.height / 2);
+    cv::Rect known = lower;
+    bool wide = false;
+    const auto clear = [&](const cv::Rect& area, cv::Mat& mask, bool wide_only) {
+      wide = wide_only;
+      mask((known & area) - area.tl()).setTo(0);
+    };
+    const Segmentation given = result({box_instance(box, show.scene.size, name)});
+    const auto seen = [&](int i) {
+      const RgbdFrame frame = show.scene.frame(kStart + 0.033 * i, {Walker().at(0)});
+      const Segmentation& mended =
+          show.compensator.mend(frame, given, std::nullopt, nullptr, clear);
+      EXPECT_EQ(mended.instances.size(), 1u);
+      const cv::Mat picture = picture_of(mended.instances, show.scene.size);
+      show.compensator.remember(frame, mended.instances);
+      return picture;
+    };
+    const cv::Mat half = seen(0);
+    EXPECT_EQ(cv::countNonZero(half), name.empty() ? box.area() : box.area() - lower.area());
+    EXPECT_EQ(cv::countNonZero(half(lower)) > 0, name.empty());
+    EXPECT_EQ(wide, !name.empty()) << "a rim of static cells may be the person's";
+    EXPECT_EQ(cv::countNonZero(given.instances[0].mask), box.area()) << "the caller's own";
+    // All of it: nothing is left, nor remembered.
+    known = cv::Rect(cv::Point(), show.scene.size);
+    EXPECT_EQ(cv::countNonZero(seen(1)), name.empty() ? box.area() : 0);
+    EXPECT_EQ(show.compensator.objects().size(), name.empty() ? 1u : 0u);
   }
 }
 

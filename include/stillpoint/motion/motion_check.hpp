@@ -12,10 +12,12 @@
 #include <vector>
 
 #include "stillpoint/core/camera.hpp"
+#include "stillpoint/core/config.hpp"
 #include "stillpoint/core/depth_view.hpp"
 #include "stillpoint/core/error.hpp"
 #include "stillpoint/core/frame.hpp"
 #include "stillpoint/core/instance.hpp"
+#include "stillpoint/core/scratch.hpp"
 #include "stillpoint/motion/camera_motion.hpp"
 #include "stillpoint/motion/coarse_frame.hpp"
 #include "stillpoint/motion/free_space_memory.hpp"
@@ -126,6 +128,7 @@ class MotionCheck {
       evidence_.assign(current_.size(), CellEvidence::kUnknown);
     if (seen_motion_ && seen_motion_->support > 0.5) hear_dissents(T_current_last);
     grow();
+    find_standing();
     return found_;
   }
 
@@ -133,16 +136,19 @@ class MotionCheck {
   const std::vector<Instance>& found() const { return found_; }
 
   /// Sets `mask`, CV_8UC1 of the size of `area` (inside the frame), to 0 where the last find() saw
-  /// the surface that earlier frames had seen there and not taken for dynamic. O(pixels of area).
-  void clear_static(const cv::Rect& area, cv::Mat& mask) const {
+  /// a surface that earlier frames had seen there and not taken for dynamic. With `wide_only`, what
+  /// is thinner than three cells stays: cells at an outline show both sides of it. O(pixels of
+  /// area).
+  void clear_static(const cv::Rect& area, cv::Mat& mask, bool wide_only) const {
     if (!judged_) return;
     const int b = block_, right = area.x + area.width, bottom = area.y + area.height;
     const int last_x = std::min((right + b - 1) / b, current_.width);
     const int last_y = std::min((bottom + b - 1) / b, current_.height);
+    const std::vector<std::uint8_t>& standing = wide_only ? wide_standing_ : standing_;
     for (int y = area.y / b; y < last_y; ++y) {
-      const CellEvidence* cells = evidence_.data() + current_.index(0, y);
+      const std::uint8_t* cells = standing.data() + bordered(0, y);
       for (int x = area.x / b, end; x < last_x; x = end + 1) {
-        for (end = x; end < last_x && cells[end] == CellEvidence::kStatic;) ++end;
+        for (end = x; end < last_x && cells[end] != 0;) ++end;
         if (end > x) mask((cv::Rect(x * b, y * b, (end - x) * b, b) & area) - area.tl()).setTo(0);
       }
     }
@@ -256,6 +262,44 @@ class MotionCheck {
     }
   }
 
+  // Where a cell is in an array with a border of one cell around.
+  std::size_t bordered(int x, int y) const {
+    return static_cast<std::size_t>(y + 1) * static_cast<std::size_t>(current_.width + 2) +
+           static_cast<std::size_t>(x + 1);
+  }
+
+  // Static cells, and these opened by a cross of five; beyond the picture all may be static.
+  void find_standing() {
+    const std::size_t n = bordered(current_.width, current_.height) + 1;
+    detail::refill(standing_, n, std::uint8_t{1});
+    detail::refill(core_, n, std::uint8_t{0});
+    wide_standing_.resize(n);
+    const std::size_t width = static_cast<std::size_t>(current_.width), stride = width + 2;
+    for (int y = 0; y < current_.height; ++y)
+      mark_static(evidence_.data() + current_.index(0, y), width, &standing_[bordered(0, y)]);
+    for (int y = 0; y < current_.height; ++y)
+      erode(&standing_[bordered(0, y)], width, stride, &core_[bordered(0, y)]);
+    for (int y = 0; y < current_.height; ++y)
+      dilate(&core_[bordered(0, y)], width, stride, &wide_standing_[bordered(0, y)]);
+  }
+
+  static void mark_static(const CellEvidence* STILLPOINT_RESTRICT cells, std::size_t n,
+                          std::uint8_t* STILLPOINT_RESTRICT out) {
+    for (std::size_t i = 0; i < n; ++i) out[i] = cells[i] == CellEvidence::kStatic;
+  }
+  static void erode(const std::uint8_t* in, std::size_t n, std::size_t stride,
+                    std::uint8_t* STILLPOINT_RESTRICT out) {
+    const std::uint8_t *left = in - 1, *right = in + 1, *above = in - stride, *below = in + stride;
+    for (std::size_t i = 0; i < n; ++i)
+      out[i] = static_cast<std::uint8_t>(in[i] & left[i] & right[i] & above[i] & below[i]);
+  }
+  static void dilate(const std::uint8_t* in, std::size_t n, std::size_t stride,
+                     std::uint8_t* STILLPOINT_RESTRICT out) {
+    const std::uint8_t *left = in - 1, *right = in + 1, *above = in - stride, *below = in + stride;
+    for (std::size_t i = 0; i < n; ++i)
+      out[i] = static_cast<std::uint8_t>(in[i] | left[i] | right[i] | above[i] | below[i]);
+  }
+
   // Moved cells that hang together, and the connected cells around them.
   void grow() {
     state_.assign(current_.size(), kFree);
@@ -336,6 +380,7 @@ class MotionCheck {
   std::optional<Eigen::Isometry3d> motion_;
   FreeSpaceMemory memory_;
   std::vector<CellEvidence> evidence_;
+  std::vector<std::uint8_t> standing_, core_, wide_standing_;  // at bordered()
   Eigen::Isometry3d T_world_camera_ = Eigen::Isometry3d::Identity();
   Eigen::Isometry3d last_pose_ = Eigen::Isometry3d::Identity();  // at the host's last pose
   std::optional<Eigen::Isometry3d> host_pose_;

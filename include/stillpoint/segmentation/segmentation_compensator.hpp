@@ -40,7 +40,7 @@ namespace stillpoint {
 class SegmentationCompensator {
  public:
   using Settings = SegmentationCompensatorSettings;
-  using ClearStatic = std::function<void(const cv::Rect& area, cv::Mat& mask)>;
+  using ClearStatic = std::function<void(const cv::Rect& area, cv::Mat& mask, bool wide_only)>;
 
   /// `camera` is needed only to use camera motion.
   explicit SegmentationCompensator(const Settings& settings = {}, const Camera& camera = {})
@@ -67,8 +67,9 @@ class SegmentationCompensator {
   /// `blur` is the frame's, if it was measured: it tells how much a result says of what it misses,
   /// and that of each instance is filled in.
   /// `clear_static`, if given, clears from the mask of an area what is known to have stood there
-  /// before (MotionCheck::clear_static()): a false mask of an object with a name is not carried
-  /// along there. An object without one was found by its motion, which is the better evidence.
+  /// before (MotionCheck::clear_static()): there the mask of an object with a name is false, and is
+  /// not carried along, and, but for its rim, not taken. An object without one was found by its
+  /// motion, which is the better evidence.
   const Segmentation& mend(const RgbdFrame& frame, const Segmentation& segmentation,
                            const std::optional<Eigen::Isometry3d>& T_current_last = std::nullopt,
                            const PictureBlur* blur = nullptr,
@@ -78,6 +79,8 @@ class SegmentationCompensator {
     check_segmentation(segmentation, size);
     begin(frame, segmentation);
     blur_ = blur, clear_static_ = &clear_static;
+    if (clear_static)
+      for (Instance& s : output_.instances) trim(s);
     for (RememberedObject& object : objects_)
       object.predict(frame.timestamp, camera_, T_current_last, max_speed_px(object, size));
     if (segmentation.available) {
@@ -184,6 +187,23 @@ class SegmentationCompensator {
           segmentation.timestamp < frame.timestamp ? frame.timestamp - segmentation.timestamp : 0;
     if (!segmentation.available) status_ |= kNoSegmentation;
     if (!segmentation.available && std::isinf(age_s_)) status_ |= kNeverSegmented;
+  }
+
+  // Clears what is known to be static from a given mask.
+  void trim(Instance& s) {
+    if (s.class_name.empty() || s.mask.empty()) return;
+    cv::Mat mask = next_mask(s.box.size());
+    s.mask.copyTo(mask);
+    (*clear_static_)(s.box, mask, true);
+    s.mask = mask;
+  }
+
+  // A mask of unknown content that stays until the next mend().
+  cv::Mat next_mask(const cv::Size& size) {
+    if (buffers_used_ == buffers_.size()) buffers_.emplace_back();
+    std::vector<uchar>& buffer = buffers_[buffers_used_++];
+    buffer.resize(std::max(buffer.size(), static_cast<std::size_t>(size.area())));
+    return cv::Mat(size, CV_8UC1, buffer.data());
   }
 
   double max_speed_px(const RememberedObject& object, const cv::Size& size) const {
@@ -309,13 +329,11 @@ class SegmentationCompensator {
       if (instance->mask.empty()) return;  // a bare box: the depth fusion finds what is in it
       area |= instance->box;
     }
-    if (buffers_used_ == buffers_.size()) buffers_.emplace_back();
-    std::vector<uchar>& buffer = buffers_[buffers_used_++];
-    buffer.assign(static_cast<std::size_t>(area.area()), 0);
-    cv::Mat mask(area.size(), CV_8UC1, buffer.data());
+    cv::Mat mask = next_mask(area.size());
+    mask.setTo(0);
     object.draw_predicted(area, mask);
     if (*clear_static_ && !object.class_name.empty()) {
-      (*clear_static_)(area, mask);
+      (*clear_static_)(area, mask, false);
       if (!instance && cv::countNonZero(mask) == 0) {
         object.alive = false;
         return;
