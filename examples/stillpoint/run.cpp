@@ -133,7 +133,10 @@ void add_run_command(CLI::App& app) {
               "slam: maps and closes loops; vo: small odometry  [" + default_tracker() + "]"),
           tracker_names());
   between(command->add_option("--features", s.features, "Keypoints per frame  [1000]"), 50, 100000);
-  command->add_option("--seed", s.seed, "Other random samples in the front end  [0]")
+  command
+      ->add_option("--seed", s.seed,
+                   "Another chance: other random samples in the front end, and a hundredth of the\n"
+                   "keypoints left out at random  [0: neither]")
       ->type_name("N");
   command->add_flag("--async", s.async,
                     "The segmenter in a thread, the frames at the speed of the recording");

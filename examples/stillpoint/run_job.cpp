@@ -32,6 +32,7 @@
 #include <map>
 #include <opencv2/core/version.hpp>
 #include <opencv2/imgcodecs.hpp>
+#include <optional>
 #include <thread>
 
 #include "accuracy.hpp"
@@ -47,6 +48,7 @@
 #include "stillpoint/version.hpp"
 #include "systems.hpp"
 #include "terminal.hpp"
+#include "thinned_tracker.hpp"
 
 namespace stillpoint::cli {
 namespace {
@@ -250,6 +252,9 @@ Json run_job(const RunSettings& wanted, const RunOutputs& outputs,
   const std::unique_ptr<Segmenter> segmenter =
       make_late(settings, make_segmenter(settings, sequence));
   const std::unique_ptr<Tracker> tracker = make_tracker(settings, *sequence.camera());
+  std::optional<ThinnedTracker> thinned;
+  if (settings.seed != 0) thinned.emplace(*tracker, settings.seed);
+  Tracker& fed = thinned ? *thinned : *tracker;
   const FrontEndSettings front_end = front_end_settings(settings);
   const std::size_t count =
       settings.frames > 0 ? std::min(settings.frames, sequence.size()) : sequence.size();
@@ -263,7 +268,7 @@ Json run_job(const RunSettings& wanted, const RunOutputs& outputs,
         " listed pictures are not on the disk; their frames are left out");
 
   reset_peak_memory();
-  Pipeline pipeline(front_end, settings.front_end, *sequence.camera(), segmenter.get(), *tracker);
+  Pipeline pipeline(front_end, settings.front_end, *sequence.camera(), segmenter.get(), fed);
   const fs::path truth_dir = settings.sequence / "masks_gt";
   RunRecorder recorder(fs::is_directory(truth_dir) ? truth_dir : fs::path());
   WholePictureJudge judge(front_end, settings.features);

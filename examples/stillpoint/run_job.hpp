@@ -45,7 +45,8 @@ struct RunSettings {
   /// One setting of the preset changed (see change_setting()); empty: none.
   std::string varied;
   double varied_value = 0;
-  /// 0: the presets' own seeds; any other value is added to them.
+  /// 0: the presets' own seeds; any other value is added to them, and a hundredth of the kept
+  /// keypoints is left out (see ThinnedTracker).
   std::uint64_t seed = 0;
 };
 

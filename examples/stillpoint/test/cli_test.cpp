@@ -238,6 +238,21 @@ TEST_F(Cli, SameInputGivesTheSameBytes) {
   }
 }
 
+TEST_F(Cli, AnotherSeedIsAnotherChanceForEveryVariant) {
+  const auto run_of = [](const std::string& out, const std::string& seed) {
+    const Result r = run("run walk --front-end off --seed " + seed + " --out " + out);
+    EXPECT_EQ(r.code, 0) << r.err;
+    return text_of(path(out) / "trajectory.txt");
+  };
+  const std::string as_it_is = run_of("chance_0", "0"), once = run_of("chance_1", "1");
+  EXPECT_EQ(once, run_of("chance_1_again", "1"));
+  EXPECT_NE(once, as_it_is);
+  EXPECT_NE(once, run_of("chance_2", "2"));
+  // What is left out is the tracker's affair: statistics are of what the front end kept.
+  EXPECT_EQ(json_of(path("chance_1") / "stats.json")["keypoints"]["kept"],
+            json_of(path("chance_0") / "stats.json")["keypoints"]["kept"]);
+}
+
 TEST_F(Cli, WorstFramesAreFoundByTheirMasks) {
   // One frame's mask is all wrong.
   fs::copy(path("walk"), path("wrong"), fs::copy_options::recursive);
