@@ -52,6 +52,7 @@ struct FrontEndSettings {
   /// The default with the motion check: for movers without a name, or no segmenter at all.
   static FrontEndSettings with_motion() {
     FrontEndSettings settings;
+    settings.depth.cell_px = 5;
     settings.depth.dilation_per_blur_px = 0.5;
     settings.use_motion = true;
     return settings;

@@ -19,7 +19,7 @@ struct DepthMaskFuserSettings {
   };
   Method method = Method::kConnected;
   /// Side of a sampling cell; one depth sample is drawn in each.
-  int cell_px = 5;
+  int cell_px = 6;
   /// Alpha of the paper: half of the "human value range". For kConnected: how far depth may reach
   /// beyond the range seen on the mask.
   float range_m = 0.25f;

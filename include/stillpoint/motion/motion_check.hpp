@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <cstring>
 #include <opencv2/core.hpp>
 #include <optional>
 #include <string>
@@ -147,9 +148,14 @@ class MotionCheck {
     const std::vector<std::uint8_t>& standing = wide_only ? wide_standing_ : standing_;
     for (int y = area.y / b; y < last_y; ++y) {
       const std::uint8_t* cells = standing.data() + bordered(0, y);
+      const int top = std::max(y * b, area.y), under = std::min((y + 1) * b, bottom);
       for (int x = area.x / b, end; x < last_x; x = end + 1) {
         for (end = x; end < last_x && cells[end] != 0;) ++end;
-        if (end > x) mask((cv::Rect(x * b, y * b, (end - x) * b, b) & area) - area.tl()).setTo(0);
+        if (end == x) continue;
+        const int left = std::max(x * b, area.x), n = std::min(end * b, right) - left;
+        for (int v = top; v < under; ++v)
+          std::memset(mask.ptr<uchar>(v - area.y) + (left - area.x), 0,
+                      static_cast<std::size_t>(n));
       }
     }
   }

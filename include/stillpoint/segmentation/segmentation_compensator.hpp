@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <cstring>
 #include <functional>
 #include <limits>
 #include <opencv2/core.hpp>
@@ -330,7 +331,7 @@ class SegmentationCompensator {
       area |= instance->box;
     }
     cv::Mat mask = next_mask(area.size());
-    mask.setTo(0);
+    std::memset(mask.data, 0, mask.total());
     object.draw_predicted(area, mask);
     if (*clear_static_ && !object.class_name.empty()) {
       (*clear_static_)(area, mask, false);
