@@ -369,13 +369,13 @@ TEST(SlamSystem, IsNotTakenAlongByWhatMovesBeforeTheFirstMask) {
 }
 
 // What fills most of the picture takes the first frames along; then it goes, and they are mended.
-void mend_the_start(int covered) {
+void mend_the_start(int covered, int every = 1) {
   for (const bool threaded : {false, true}) {
     SlamSystem::Settings settings = small_settings();
     settings.threaded = threaded;
     SlamSystem slam(test_scene::camera(), settings);
     Trajectory tracked;
-    for (int step = 0; step < 80; ++step) {
+    for (int step = 0; step < 80; step += every) {
       const Eigen::Isometry3d T = test_scene::path(step);
       RgbdFrame frame = test_scene::render(T, step / 30.0);
       if (step < covered) {
@@ -406,6 +406,29 @@ TEST(SlamSystem, MendsTheStartOnceItKnowsWhatStandsStill) { mend_the_start(8); }
 
 // Then keyframes of 10 frames later have it in their map, too.
 TEST(SlamSystem, MendsALongWrongStart) { mend_the_start(20); }
+
+// 1.5 s are 23 frames then.
+TEST(SlamSystem, MendsTheStartOfASlowCamera) { mend_the_start(8, 2); }
+
+// Few frames in the first seconds, with gaps.
+TEST(SlamSystem, ReviewsAStartOfFewFrames) {
+  SlamSystem slam(test_scene::camera(), small_settings());
+  Trajectory tracked;
+  int step = 0;
+  for (const double t : {0.0, 0.4, 1.9, 3.1, 3.2, 6.0}) {
+    const auto pose = feed(slam, test_scene::render(test_scene::path(step++), t));
+    ASSERT_TRUE(pose) << t;
+    tracked.push_back({t, *pose});
+  }
+  slam.finish();
+  ASSERT_EQ(slam.trajectory().size(), tracked.size());
+  for (std::size_t i = 0; i < tracked.size(); ++i)
+    EXPECT_LT((slam.trajectory()[i].T_world_camera.translation() -
+               tracked[i].T_world_camera.translation())
+                  .norm(),
+              0.01)
+        << i;
+}
 
 TEST(SlamSystem, SaysThatItIsLostAndGoesOnInTheSameFrameOfReference) {
   SlamSystem slam(test_scene::camera(), small_settings());

@@ -58,7 +58,7 @@ class MapTracking {
   /// Tracks a frame; false: lost. With `mapper_busy` a keyframe waits if it can.
   bool track(Map& map, PlaceIndex& index, KeypointFrame frame, const ImagePyramid& pyramid,
              bool mapper_busy) {
-    const bool at_start = records_.size() < StartReview::kFrames;
+    const bool at_start = StartReview::wants(records_, frame.timestamp);
     KeypointFrame kept = at_start ? frame : KeypointFrame();
     current_ = TrackedFrame(std::move(frame));
     pyramid_ = &pyramid;

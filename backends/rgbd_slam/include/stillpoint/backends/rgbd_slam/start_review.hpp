@@ -22,17 +22,22 @@ namespace stillpoint::rgbd_slam {
 ///
 /// At the start nobody may know yet who moves: where people fill half of the picture and no mask
 /// covers them, the first frames go with them, and when the masks come the rest of the way has a
-/// wrong beginning. So the first frames are kept, and tracked anew after one and a half and after
-/// three seconds (at 30 Hz), the last first, by those points only that keyframes of a while later
-/// see, and later than the last frame that was wrong. Where the old pose loses some of these, the
-/// new one takes its place; a keyframe forgets what it had seen from there. Frames that were right
-/// (nearly all) stay as they are.
+/// wrong beginning. So the first frames are kept, and tracked anew: those of the first second after
+/// one and a half, those of the first two after three, the last first, by those points only that
+/// keyframes of a while later see, and later than the last frame that was wrong. Where the old pose
+/// loses some of these, the new one takes its place; a keyframe forgets what it had seen from
+/// there. Frames that were right (nearly all) stay as they are.
 class StartReview {
  public:
-  /// Frames that are kept (about 0.4 MB each at 640 x 480) until they have been judged twice.
-  static constexpr std::size_t kFrames = 60;
+  /// Whether a frame that follows `records` is one of the first, to be kept (about 0.4 MB at 640 x
+  /// 480) until it has been judged twice.
+  static bool wants(const std::vector<FrameRecord>& records, double timestamp) {
+    return records.empty() || (records.size() < kMostFrames &&
+                               timestamp - records.front().timestamp() < kRounds.back().judged_s);
+  }
 
-  /// Keeps the next tracked frame, as it was before its keypoints were aligned.
+  /// Keeps the next tracked frame, one that it wants(), as it was before its keypoints were
+  /// aligned.
   void keep(KeypointFrame frame, const cv::Mat& gray) {
     kept_.push_back({std::move(frame), gray.clone()});
   }
@@ -46,13 +51,21 @@ class StartReview {
   /// may change the map's keyframes meanwhile, or reset this; `lock`, the map's, is held for one
   /// frame (about 5 ms) at a time.
   void run(const Optics& optics, Map& map, std::mutex& lock, std::vector<FrameRecord>& records) {
+    std::size_t judged = 0;
     {
       const std::lock_guard<std::mutex> guard(lock);
-      if (round_ == kRounds.size() || records.size() < kRounds[round_].settled) return;
+      if (round_ == kRounds.size() || records.size() < 3) return;
+      const double start_s = records.front().timestamp();
+      if (records.back().timestamp() - start_s < kRounds[round_].settled_s) return;
+      // Two frames after the last one are looked at, too.
+      const std::size_t most = std::min(kept_.size(), records.size() - 2);
+      while (judged < most && records[judged].timestamp() - start_s < kRounds[round_].judged_s)
+        ++judged;
     }
-    for (std::size_t i = kRounds[round_].frames; i-- > 0;) {
+    for (std::size_t i = judged; i-- > 0;) {
       const std::lock_guard<std::mutex> guard(lock);
-      const double later_s = records[std::max(i + kLater, right_)].timestamp();
+      const double later_s =
+          std::max(records[i].timestamp() + kLaterS, records[right_].timestamp());
       std::optional<TrackedFrame> found = track_again(optics, map, records, i, later_s, kept_[i]);
       if (!found) break;  // earlier frames are still farther from what is known
       if (fits(optics, map, *found, records[i].pose(map))) continue;
@@ -68,15 +81,18 @@ class StartReview {
   }
 
  private:
-  // How many frames are judged, once so many have been tracked.
+  static constexpr std::size_t kMostFrames = 60;
+
+  // Frames of the first seconds are judged, once so much later ones were tracked: a little less
+  // than 1, 1.5, 2 and 3 s, so that 30 Hz gives 30, 45, 60 and 90 frames whatever the rounding.
   struct Round {
-    std::size_t frames, settled;
+    double judged_s, settled_s;
   };
-  static constexpr std::array<Round, 2> kRounds{{{30, 45}, {kFrames, 90}}};
+  static constexpr std::array<Round, 2> kRounds{{{0.98, 1.45}, {1.98, 2.95}}};
 
   static constexpr int kFewestInliers = 25;
-  // Frames after which a keyframe may speak: the next ones may be wrong in the same way.
-  static constexpr std::size_t kLater = 10;
+  // After which a keyframe may speak: the next ones may be wrong in the same way.
+  static constexpr double kLaterS = 0.34;
   // Of the points that are found again. Many fit a wrong pose, too: what is far hardly tells a step
   // from a turn.
   static constexpr double kFits = 0.93;
