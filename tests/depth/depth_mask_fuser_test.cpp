@@ -230,14 +230,20 @@ TEST(DepthMaskFuser, KeepsASecondPersonInAMaskThatWasCarriedALittleAside) {
   Instance both = instance_from_mask(
       picture_of(std::vector<cv::Rect>{near.box + aside, other.box + aside}, room().size));
   both.predicted = true;
-  DepthMaskFuser fuser(Settings(), room().camera());
-  const Score s = score(undilated(fuser, room().frame(0, {near, other}), {both}), truth);
-  EXPECT_TRUE(fuser.instances()[0].predicted);
-  EXPECT_GT(s.recall, 0.97);
-  EXPECT_GT(s.precision, 0.97);
-  // A mask that was seen now ends where the object ends.
+  const RgbdFrame frame = room().frame(0, {near, other});
+  Settings settings;
+  for (const int cell : {settings.cell_px, 5}) {
+    settings.cell_px = cell;
+    DepthMaskFuser fuser(settings, room().camera());
+    const Score s = score(undilated(fuser, frame, {both}), truth);
+    EXPECT_TRUE(fuser.instances()[0].predicted);
+    EXPECT_GT(s.recall, 0.97) << cell;
+    EXPECT_GT(s.precision, 0.97) << cell;
+  }
+  // A mask that was seen now ends where the object ends; six pixels are more than a cell of five.
   both.predicted = false;
-  EXPECT_LT(score(fused(room(), {near, other}, {both}), truth).recall, 0.8);
+  DepthMaskFuser fuser(settings, room().camera());
+  EXPECT_LT(score(undilated(fuser, frame, {both}), truth).recall, 0.8);
 }
 
 TEST(DepthMaskFuser, KeepsASecondPersonBesideWhomNothingIsMeasured) {
