@@ -270,8 +270,9 @@ void add_bench_command(CLI::App& app) {
       ->add_option("--paper", options->paper,
                    "The ten sequences of the paper in this folder; prints its Tables 1 to 4")
       ->type_name("DATA_DIR");
-  between(command->add_option("--runs", plan.runs,
-                              "Of each variant, each with its own seed  [1; --paper: 5]"),
+  between(command->add_option(
+              "--runs", plan.runs,
+              "Of each variant, each with its own seed (see run --help)  [1; --paper: 5]"),
           1, 1000);
   command
       ->add_option("--masks-folder", plan.masks_folders,
