@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cstdint>
 #include <vector>
 
 #include "stillpoint/core/random.hpp"
@@ -65,6 +67,37 @@ TEST(BitMask, ABoxAloneIsFull) {
     detail::unpack(bits.row(0), 0, row.size(), row.data());
     for (int i = 0; i < width + 7; ++i)
       EXPECT_EQ(row[static_cast<std::size_t>(i)], i >= 5 && i < width + 5 ? 255 : 0);
+  }
+}
+
+TEST(BitMask, FindsDepthsInARange) {
+  RandomGenerator random(6);
+  // Zero, the ends of the range and those of 16 bits are the cases where arithmetic may go wrong.
+  const auto any = [&](std::uint16_t near) {
+    const std::uint16_t values[] = {0,
+                                    1,
+                                    32767,
+                                    32768,
+                                    65534,
+                                    65535,
+                                    static_cast<std::uint16_t>(near - 1),
+                                    near,
+                                    static_cast<std::uint16_t>(near + 1),
+                                    static_cast<std::uint16_t>(random.below(65536))};
+    return values[random.below(10)];
+  };
+  for (int k = 0; k < 2000; ++k) {
+    std::uint16_t z[16], lo[16], span[16];
+    std::uint64_t zeros = 0, in_range = 0;
+    for (std::size_t i = 0; i < 16; ++i) {
+      const std::uint16_t a = any(0), b = any(a);
+      lo[i] = std::min(a, b), span[i] = static_cast<std::uint16_t>(std::max(a, b) - lo[i]);
+      z[i] = any(random.below(2) ? a : b);
+      zeros |= std::uint64_t{z[i] == 0} << i;
+      in_range |= std::uint64_t{z[i] >= std::min(a, b) && z[i] <= std::max(a, b)} << i;
+    }
+    ASSERT_EQ(detail::zeros_16(z), zeros) << "case " << k;
+    ASSERT_EQ(detail::in_range_16(z, lo, span), in_range) << "case " << k;
   }
 }
 

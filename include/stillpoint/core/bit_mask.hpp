@@ -39,6 +39,41 @@ inline std::uint64_t pack_16(const unsigned char* bytes) {
 #endif
 }
 
+/// Of 16 values from `z` on those that are zero, as bits.
+inline std::uint64_t zeros_16(const std::uint16_t* z) {
+#if defined(__SSE2__)
+  const __m128i* v = reinterpret_cast<const __m128i*>(z);
+  const __m128i zero = _mm_setzero_si128();
+  return static_cast<unsigned>(
+      _mm_movemask_epi8(_mm_packs_epi16(_mm_cmpeq_epi16(_mm_loadu_si128(v), zero),
+                                        _mm_cmpeq_epi16(_mm_loadu_si128(v + 1), zero))));
+#else
+  std::uint64_t bits = 0;
+  for (std::size_t i = 0; i < 16; ++i) bits |= std::uint64_t{z[i] == 0} << i;
+  return bits;
+#endif
+}
+
+/// Of 16 values from `z` on those from lo[i] to lo[i] + span[i], as bits.
+inline std::uint64_t in_range_16(const std::uint16_t* z, const std::uint16_t* lo,
+                                 const std::uint16_t* span) {
+#if defined(__SSE2__)
+  const auto eight = [&](std::size_t i) {
+    const auto load = [i](const std::uint16_t* from) {
+      return _mm_loadu_si128(reinterpret_cast<const __m128i*>(from + i));
+    };
+    const __m128i beyond = _mm_subs_epu16(_mm_sub_epi16(load(z), load(lo)), load(span));
+    return _mm_cmpeq_epi16(beyond, _mm_setzero_si128());
+  };
+  return static_cast<unsigned>(_mm_movemask_epi8(_mm_packs_epi16(eight(0), eight(8))));
+#else
+  std::uint64_t bits = 0;
+  for (std::size_t i = 0; i < 16; ++i)
+    bits |= std::uint64_t{static_cast<std::uint16_t>(z[i] - lo[i]) <= span[i]} << i;
+  return bits;
+#endif
+}
+
 /// ORs the bits of a word into a row from pixel x on.
 inline void or_bits(std::uint64_t bits, std::size_t x, std::uint64_t* row) {
   const std::size_t k = x / 64, shift = x % 64;

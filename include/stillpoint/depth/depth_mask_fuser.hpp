@@ -135,7 +135,7 @@ class DepthMaskFuser {
       for (int x = dilation_.left(); x < grown.x + grown.width; x += 64, ++row) {
         const int n = std::min(64, size.width - x);
         detail::unpack_word(*row, static_cast<std::size_t>(n), to + x);
-        covered_px_ += detail::count_bits(*row);
+        covered_px_ += ~*row == 0 ? 64 : *row == 0 ? 0 : detail::count_bits(*row);
       }
     });
   }

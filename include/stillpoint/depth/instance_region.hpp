@@ -115,7 +115,7 @@ class InstanceRegion {
     }
   }
 
-  // Pixels are worked on in parts of a row: loops of a known length become vector instructions.
+  // Pixels are looked at in parts of a row.
   static constexpr int kPart = 16;
 
   // Each cell's pixels in the range of depths around it; what has no depth stays as the segmenter
@@ -177,18 +177,9 @@ class InstanceRegion {
                      const std::uint16_t* span) {
     const std::uint64_t valid = (std::uint64_t{1} << part.width) - 1;
     for (int y = part.y; y < part.y + part.height; ++y) {
-      uchar taken[kPart];
-      compare_part(depth_part(depth, part.x, y), lo, span, taken);
-      detail::or_bits(detail::pack_16(taken) & valid, bit_of(part.x), bits_of(y));
+      const std::uint64_t taken = detail::in_range_16(depth_part(depth, part.x, y), lo, span);
+      detail::or_bits(taken & valid, bit_of(part.x), bits_of(y));
     }
-  }
-
-  static void compare_part(const std::uint16_t* STILLPOINT_RESTRICT z,
-                           const std::uint16_t* STILLPOINT_RESTRICT lo,
-                           const std::uint16_t* STILLPOINT_RESTRICT span,
-                           uchar* STILLPOINT_RESTRICT taken) {
-    for (int i = 0; i < kPart; ++i)  // lo > 0, so what is not measured is never in range
-      taken[i] = static_cast<std::uint16_t>(z[i] - lo[i]) <= span[i] ? 255 : 0;
   }
 
   // The pixels on the mask that have no depth.
@@ -210,24 +201,16 @@ class InstanceRegion {
     for (std::uint64_t left = asked; left != 0;) {
       const int at = detail::lowest_bit(left) / kPart * kPart;
       const int x = 64 * (first_word_ + static_cast<int>(k)) + at;
-      uchar zero[kPart];
-      mark_zeros(depth_part(depth, x, y), zero);
-      found |= detail::pack_16(zero) << at;
+      found |= detail::zeros_16(depth_part(depth, x, y)) << at;
       left &= ~(std::uint64_t{0xffff} << at);
     }
     return found & asked;
   }
 
-  static void mark_zeros(const std::uint16_t* STILLPOINT_RESTRICT z,
-                         uchar* STILLPOINT_RESTRICT zero) {
-    for (int i = 0; i < kPart; ++i) zero[i] = z[i] == 0 ? 255 : 0;
-  }
-
+  // Fills cells from left to right: writes up to three values more, which the next cell overwrites.
   void fill_cell(std::uint16_t value, std::uint16_t* to) const {
     const std::uint64_t four = value * 0x0001000100010001ull;
-    int i = 0;
-    for (; i + 4 <= settings_.cell_px; i += 4) std::memcpy(to + i, &four, sizeof four);
-    for (; i < settings_.cell_px; ++i) to[i] = value;
+    for (int i = 0; i < settings_.cell_px; i += 4) std::memcpy(to + i, &four, sizeof four);
   }
 
   // What the camera did not measure right beside the object is its, too: at outlines it measures
