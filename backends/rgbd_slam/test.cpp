@@ -55,8 +55,10 @@ TEST(OrbExtractor, SpendsTheWholeBudgetOutsideTheMask) {
   EXPECT_EQ(all.keypoints.size(), all.descriptors.size());
   cv::Mat mask = cv::Mat::zeros(frame.color.size(), CV_8UC1);
   mask.colRange(0, 160) = 255;
+  settings.most_masked = 1;
+  OrbExtractor(settings).extract(frame.color, mask, masked);
+  EXPECT_NEAR(static_cast<double>(masked.keypoints.size()), 400, 100);
   extractor.extract(frame.color, mask, masked);
-  EXPECT_GT(masked.keypoints.size(), 300u);
   int octaves = 0;
   for (const cv::KeyPoint& k : masked.keypoints) {
     EXPECT_GT(k.pt.x, 160 + settings.mask_margin_px - 1);
@@ -67,6 +69,27 @@ TEST(OrbExtractor, SpendsTheWholeBudgetOutsideTheMask) {
   EXPECT_EQ(again.descriptors, masked.descriptors);
   extractor.extract(frame.color, cv::Mat(frame.color.size(), CV_8UC1, cv::Scalar(255)), again);
   EXPECT_TRUE(again.keypoints.empty());
+}
+
+TEST(OrbExtractor, FindsMoreWhereAMaskLeavesLess) {
+  const RgbdFrame frame = test_scene::render(Eigen::Isometry3d::Identity(), 0);
+  OrbExtractor::Settings settings;
+  settings.features = 100;
+  Features found;
+  const auto count_with = [&](int hidden_columns) {
+    cv::Mat mask = cv::Mat::zeros(frame.color.size(), CV_8UC1);
+    mask.colRange(0, hidden_columns) = 255;
+    OrbExtractor(settings).extract(frame.color, mask, found);
+    return static_cast<double>(found.keypoints.size());
+  };
+  const int width = frame.color.cols;
+  EXPECT_NEAR(count_with(0), 100, 8);
+  EXPECT_NEAR(count_with(width / 5), 100 / (0.8 * 0.8), 12);
+  EXPECT_NEAR(count_with(width / 2), 200, 16) << "more than most_masked times as many";
+  settings.most_masked = 1;
+  EXPECT_NEAR(count_with(width / 2), 100, 8);
+  settings.most_masked = 0.5;
+  EXPECT_THROW(OrbExtractor{settings}, Error);
 }
 
 TEST(OrbExtractor, SurvivesTinyAndRefusesWrongPictures) {

@@ -295,7 +295,7 @@ void add_bench_command(CLI::App& app) {
                               "The system that tracks  [" + default_tracker() + "]"),
           tracker_names());
   between(command->add_option("--features", plan.common.features,
-                              "Keypoints per frame  [1000; --paper: 3000]"),
+                              "Keypoints per frame; up to twice as many\nwhere masks hide much  [1000; --paper: 3000]"),
           50, 100000);
   between(command->add_option("--frames", plan.common.frames, "Only the first N frames  [all]"), 1,
           1000000);

@@ -43,14 +43,18 @@ class FeatureExtractor {
 ///
 /// On each level of the pyramid FAST corners are found with a threshold that falls in the cells
 /// where nothing stands out. Those on or at the rim of the dynamic mask are dropped *before* the
-/// level's budget is spent, so that all of it goes to the static area; what a level can't spend
-/// goes on to the next. The best corners of even cells are kept (`spread`), turned by their
+/// level's budget is spent, so that all of it goes to the static area, and the budget grows with what
+/// the mask hides; what a level can't spend goes on to the next. The best corners of even cells are kept (`spread`), turned by their
 /// intensity centroid and described by cv::ORB. Deterministic. One object serves one thread.
 class OrbExtractor final : public FeatureExtractor {
  public:
   struct Settings {
-    /// Keypoints per picture, all levels together.
+    /// Keypoints per picture, all levels together, if no mask hides anything.
     int features = 1000;
+    /// A mask that hides a part of the picture leaves fewer directions to tell the pose by: more
+    /// keypoints in the rest make up for that. Their number is `features` divided by the square of
+    /// the share that is left, but at most so many times `features`; 1: never more.
+    double most_masked = 2;
     int levels = 8;
     double scale_factor = 1.2;
     /// FAST threshold (grey values), and the one for cells without any corner.
@@ -74,6 +78,7 @@ class OrbExtractor final : public FeatureExtractor {
       });
     };
     require(settings.features > 0, "features > 0", settings.features);
+    require(settings.most_masked >= 1, "most_masked >= 1", settings.most_masked);
     require(settings.levels > 0 && settings.levels <= 16, "1 to 16 levels", settings.levels);
     require(settings.scale_factor > 1, "scale_factor > 1", settings.scale_factor);
     require(settings.min_fast_threshold > 0, "min_fast_threshold > 0", settings.min_fast_threshold);
@@ -104,12 +109,13 @@ class OrbExtractor final : public FeatureExtractor {
     const double ratio = 1 / settings_.scale_factor;
     // Share of level 0 such that the geometric row over all levels sums to the whole budget.
     const double share = (1 - ratio) / (1 - std::pow(ratio, settings_.levels));
+    const double wanted = wanted_under(mask);
     double budget = 0;
     pyramid_.build(gray, settings_.levels, settings_.scale_factor, 2 * kBorder + 1);
     for (int level = 0; level < pyramid_.levels(); ++level) {
       const cv::Mat& image = pyramid_.image(level);
       if (std::min(image.cols, image.rows) <= 2 * kBorder) break;
-      budget += settings_.features * share * std::pow(ratio, level);
+      budget += wanted * share * std::pow(ratio, level);
       shrink_mask(mask, image.size());
       detect(image);
       spread(corners_, static_cast<int>(budget + 0.5), image.size());
@@ -123,6 +129,14 @@ class OrbExtractor final : public FeatureExtractor {
   // Radius of the described patch, and the border that keeps its turned corners inside.
   static constexpr int kRadius = 15;
   static constexpr int kBorder = 19;
+
+  // Keypoints to look for under this mask.
+  double wanted_under(const cv::Mat& mask) const {
+    if (mask.empty()) return settings_.features;
+    const double left = 1 - cv::countNonZero(mask) / static_cast<double>(mask.total());
+    const double most = settings_.most_masked;
+    return settings_.features * (left * left * most > 1 ? 1 / (left * left) : most);
+  }
 
   void shrink_mask(const cv::Mat& mask, cv::Size size) {
     level_mask_.release();
