@@ -403,14 +403,6 @@ std::string make_page(const Json& rows, const std::vector<Json>& results,
     for (const Table& table : published) out += "<h3>" + table.title + "</h3>\n" + html(table);
     out += "<p class=\"note\">" + escape_html(paper_legend()) + "</p>\n";
   }
-  const std::string blur = blur_plots(rows, results);
-  if (!blur.empty())
-    out +=
-        "<h2>Blur</h2>\n<p class=\"note\">All frames of all sequences and runs on this page, in "
-        "groups of equally many. <i>Missed</i>: share of the people's pixels that a mask lacks "
-        "before dilation; the given masks are what the segmenter found.</p><div "
-        "class=\"figures\">" +
-        blur + "</div>\n";
   for (const std::string& sequence : sequences) {
     std::vector<const Json*> own_rows, own_results;
     for (const Json& row : rows)
@@ -445,6 +437,14 @@ std::string make_page(const Json& rows, const std::vector<Json>& results,
     out += "<h3>Masks and keypoints</h3>\n" + detail_table(own_rows);
     out += "<h3>Time</h3>\n" + times(own_rows);
   }
+  const std::string blur = blur_plots(rows, results);
+  if (!blur.empty())
+    out +=
+        "<h2>Blur</h2>\n<p class=\"note\">All frames of all sequences and runs on this page, in "
+        "groups of equally many. <i>Missed</i>: share of the people's pixels that a mask lacks "
+        "before dilation; the given masks are what the segmenter found.</p><div "
+        "class=\"figures\">" +
+        blur + "</div>\n";
 
   std::set<std::string> programs;
   for (const Json& r : results) programs.insert(r["job"].value("program", ""));

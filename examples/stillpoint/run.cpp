@@ -132,7 +132,10 @@ void add_run_command(CLI::App& app) {
               "--tracker", s.tracker,
               "slam: maps and closes loops; vo: small odometry  [" + default_tracker() + "]"),
           tracker_names());
-  between(command->add_option("--features", s.features, "Keypoints per frame; up to twice as many\nwhere masks hide much  [1000]"), 50, 100000);
+  between(command->add_option(
+              "--features", s.features,
+              "Keypoints per frame; up to twice as many\nwhere masks hide much  [1000]"),
+          50, 100000);
   command
       ->add_option("--seed", s.seed,
                    "Another chance: other random samples in the front end, and a hundredth of the\n"

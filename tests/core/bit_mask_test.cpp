@@ -70,6 +70,29 @@ TEST(BitMask, ABoxAloneIsFull) {
   }
 }
 
+TEST(BoxBits, HoldTheMaskOfABoxAtThePicturesWords) {
+  RandomGenerator random(7);
+  detail::BoxBits bits;
+  for (int k = 0; k < 100; ++k) {
+    const cv::Rect box(static_cast<int>(random.below(150)), static_cast<int>(random.below(9)),
+                       1 + static_cast<int>(random.below(150)), 3);
+    cv::Mat mask(box.size(), CV_8UC1);
+    for (int i = 0; i < box.area(); ++i)
+      mask.data[i] = static_cast<uchar>(random.below(2) * random.below(256));
+    bits.set(mask, box);
+    EXPECT_EQ(bits.first_word(), box.x / 64);
+    for (int y = 0; y < 3; ++y) {
+      int set = 0;
+      for (int x = 0; x < box.width; ++x)
+        EXPECT_EQ(detail::bit_at(bits.row(box.y + y), bits.bit_of(box.x + x)),
+                  mask.at<uchar>(y, x) != 0);
+      for (std::size_t w = 0; w < bits.words(); ++w)
+        set += detail::count_bits(bits.row(box.y + y)[w]);
+      EXPECT_EQ(set, cv::countNonZero(mask.row(y))) << "bits beside the box";
+    }
+  }
+}
+
 TEST(BitMask, FindsDepthsInARange) {
   RandomGenerator random(6);
   // Zero, the ends of the range and those of 16 bits are the cases where arithmetic may go wrong.

@@ -13,6 +13,8 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
+#include "stillpoint/core/scratch.hpp"
+
 namespace stillpoint {
 namespace detail {
 
@@ -44,9 +46,8 @@ inline std::uint64_t zeros_16(const std::uint16_t* z) {
 #if defined(__SSE2__)
   const __m128i* v = reinterpret_cast<const __m128i*>(z);
   const __m128i zero = _mm_setzero_si128();
-  return static_cast<unsigned>(
-      _mm_movemask_epi8(_mm_packs_epi16(_mm_cmpeq_epi16(_mm_loadu_si128(v), zero),
-                                        _mm_cmpeq_epi16(_mm_loadu_si128(v + 1), zero))));
+  return static_cast<unsigned>(_mm_movemask_epi8(_mm_packs_epi16(
+      _mm_cmpeq_epi16(_mm_loadu_si128(v), zero), _mm_cmpeq_epi16(_mm_loadu_si128(v + 1), zero))));
 #else
   std::uint64_t bits = 0;
   for (std::size_t i = 0; i < 16; ++i) bits |= std::uint64_t{z[i] == 0} << i;
@@ -161,6 +162,11 @@ inline void unpack(const std::uint64_t* row, std::size_t x, std::size_t n, unsig
   }
 }
 
+/// Whether pixel x of a row is set.
+inline bool bit_at(const std::uint64_t* row, std::size_t x) {
+  return (row[x / 64] >> (x % 64) & 1) != 0;
+}
+
 /// How many bits are set.
 inline int count_bits(std::uint64_t v) {
   v -= v >> 1 & 0x5555555555555555ull;
@@ -242,6 +248,40 @@ class BitMask {
 
  private:
   cv::Size size_;
+  std::size_t words_ = 0;
+  std::vector<std::uint64_t> bits_;
+};
+
+/// A box of a binary picture: rows of the words that the box touches.
+class BoxBits {
+ public:
+  /// All pixels zero. O(words).
+  void reset(const cv::Rect& box) {
+    top_ = box.y;
+    first_word_ = box.x / 64;
+    words_ = words_for(static_cast<std::size_t>(box.x + box.width)) -
+             static_cast<std::size_t>(first_word_);
+    refill(bits_, words_ * static_cast<std::size_t>(box.height), std::uint64_t{0});
+  }
+  /// The pixels of a mask (CV_8UC1, not 0: set) that covers `box`. O(pixels / 16).
+  void set(const cv::Mat& mask, const cv::Rect& box) {
+    reset(box);
+    for (int y = 0; y < box.height; ++y)
+      or_bytes(mask.ptr<unsigned char>(y), static_cast<std::size_t>(box.width), bit_of(box.x),
+               row(box.y + y));
+  }
+  /// The words of a row of the picture: the first is the picture's word first_word().
+  std::uint64_t* row(int y) { return bits_.data() + static_cast<std::size_t>(y - top_) * words_; }
+  const std::uint64_t* row(int y) const {
+    return bits_.data() + static_cast<std::size_t>(y - top_) * words_;
+  }
+  std::size_t words() const { return words_; }
+  int first_word() const { return first_word_; }
+  /// Which bit of a row a column of the picture is.
+  std::size_t bit_of(int x) const { return static_cast<std::size_t>(x - 64 * first_word_); }
+
+ private:
+  int top_ = 0, first_word_ = 0;
   std::size_t words_ = 0;
   std::vector<std::uint64_t> bits_;
 };

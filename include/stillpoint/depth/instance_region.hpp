@@ -69,7 +69,9 @@ class InstanceRegion {
     out.predicted = instance.predicted;
     out.blur = instance.blur;
     const bool paper = settings_.method == DepthMaskFuserSettings::Method::kPaper;
-    const bool connected = !paper && ranges_.find_on_mask(depth, samples_, instance, range_);
+    if (!paper && !instance.mask.empty()) given_.set(instance.mask, instance.box);
+    const bool connected =
+        !paper && ranges_.find_on_mask(depth, samples_, instance, given_, range_);
     area_ = instance.box;
     if (connected) {
       cells_.grow(depth, samples_, floor_, ranges_, range_, instance, settings_);
@@ -128,17 +130,15 @@ class InstanceRegion {
     const std::size_t columns = static_cast<std::size_t>(used.width * cell + kPart);
     for (auto* v : {&lo_, &span_})
       if (v->size() < columns) v->resize(columns);
-    first_word_ = area_.x / 64;
-    words_ = detail::words_for(static_cast<std::size_t>(area_.x + area_.width)) -
-             static_cast<std::size_t>(first_word_);
-    detail::refill(bits_, words_ * static_cast<std::size_t>(area_.height), std::uint64_t{0});
+    found_.reset(area_);
     for (int cy = 0; cy < used.height; ++cy) {
       const RegionCells::Row& row = cells_.row(cy);
       const int top = area_.y + cy * cell, bottom = std::min(top + cell, area_.y + area_.height);
       detail::for_each_run(row.inner, [&](int begin, int end) {
         const int x = begin * cell, width = std::min(end * cell, area_.width) - x;
         for (int y = top; y < bottom; ++y)
-          detail::fill_bits(bit_of(area_.x + x), static_cast<std::size_t>(width), bits_of(y));
+          detail::fill_bits(found_.bit_of(area_.x + x), static_cast<std::size_t>(width),
+                            found_.row(y));
       });
       detail::for_each_run(row.rim, [&](int begin, int end) {
         for (int cx = begin; cx < end; ++cx) {
@@ -156,12 +156,6 @@ class InstanceRegion {
     if (!instance.mask.empty()) take_unmeasured(depth, instance);
   }
 
-  // The bits of a row of the picture, as far as area_ goes; pixel x is bit_of(x).
-  std::uint64_t* bits_of(int y) {
-    return bits_.data() + static_cast<std::size_t>(y - area_.y) * words_;
-  }
-  std::size_t bit_of(int x) const { return static_cast<std::size_t>(x - 64 * first_word_); }
-
   // Depth from (x, y) on, kPart pixels; 65535 beyond the picture.
   const std::uint16_t* depth_part(const DepthView& depth, int x, int y) {
     const std::uint16_t* row = depth.row(y);
@@ -178,20 +172,19 @@ class InstanceRegion {
     const std::uint64_t valid = (std::uint64_t{1} << part.width) - 1;
     for (int y = part.y; y < part.y + part.height; ++y) {
       const std::uint64_t taken = detail::in_range_16(depth_part(depth, part.x, y), lo, span);
-      detail::or_bits(taken & valid, bit_of(part.x), bits_of(y));
+      detail::or_bits(taken & valid, found_.bit_of(part.x), found_.row(y));
     }
   }
 
   // The pixels on the mask that have no depth.
   void take_unmeasured(const DepthView& depth, const Instance& instance) {
     const cv::Rect& box = instance.box;
+    const std::size_t first = static_cast<std::size_t>(given_.first_word() - found_.first_word());
     for (int y = box.y; y < box.y + box.height; ++y) {
-      detail::refill(columns_, words_, std::uint64_t{0});
-      detail::or_bytes(instance.mask.ptr<uchar>(y - box.y), static_cast<std::size_t>(box.width),
-                       bit_of(box.x), columns_.data());
-      std::uint64_t* row = bits_of(y);
-      for (std::size_t k = 0; k < words_; ++k)
-        row[k] |= unmeasured(depth, k, y, columns_[k] & ~row[k]);
+      const std::uint64_t* mask = given_.row(y);
+      std::uint64_t* row = found_.row(y) + first;
+      for (std::size_t k = 0; k < given_.words(); ++k)
+        row[k] |= unmeasured(depth, first + k, y, mask[k] & ~row[k]);
     }
   }
 
@@ -200,7 +193,7 @@ class InstanceRegion {
     std::uint64_t found = 0;
     for (std::uint64_t left = asked; left != 0;) {
       const int at = detail::lowest_bit(left) / kPart * kPart;
-      const int x = 64 * (first_word_ + static_cast<int>(k)) + at;
+      const int x = 64 * (found_.first_word() + static_cast<int>(k)) + at;
       found |= detail::zeros_16(depth_part(depth, x, y)) << at;
       left &= ~(std::uint64_t{0xffff} << at);
     }
@@ -216,24 +209,25 @@ class InstanceRegion {
   // What the camera did not measure right beside the object is its, too: at outlines it measures
   // nothing. Writes the pixels to `out` and into `all`.
   void claim_unmeasured_rim(const DepthView& depth, cv::Mat& out, detail::BitMask& all) {
-    for (auto& row : wide_) detail::refill(row, words_, std::uint64_t{0});
-    detail::refill(columns_, words_, std::uint64_t{0});
-    detail::fill_bits(bit_of(area_.x), static_cast<std::size_t>(area_.width), columns_.data());
-    widen(bits_of(area_.y), wide_[1].data());
+    for (auto& row : wide_) detail::refill(row, found_.words(), std::uint64_t{0});
+    detail::refill(columns_, found_.words(), std::uint64_t{0});
+    detail::fill_bits(found_.bit_of(area_.x), static_cast<std::size_t>(area_.width),
+                      columns_.data());
+    widen(found_.row(area_.y), wide_[1].data());
     for (int y = area_.y; y < area_.y + area_.height; ++y) {
       // Rows as they were: the rim does not grow on itself.
       if (y + 1 < area_.y + area_.height)
-        widen(bits_of(y + 1), wide_[2].data());
+        widen(found_.row(y + 1), wide_[2].data());
       else
         std::fill(wide_[2].begin(), wide_[2].end(), 0);
-      std::uint64_t* row = bits_of(y);
-      std::uint64_t* to = all.row(y) + static_cast<std::size_t>(first_word_);
-      for (std::size_t k = 0; k < words_; ++k) {
+      std::uint64_t* row = found_.row(y);
+      std::uint64_t* to = all.row(y) + static_cast<std::size_t>(found_.first_word());
+      for (std::size_t k = 0; k < found_.words(); ++k) {
         const std::uint64_t rim = (wide_[0][k] | wide_[1][k] | wide_[2][k]) & ~row[k] & columns_[k];
         row[k] |= unmeasured(depth, k, y, rim);
         to[k] |= row[k];
       }
-      detail::unpack(row, bit_of(area_.x), static_cast<std::size_t>(area_.width),
+      detail::unpack(row, found_.bit_of(area_.x), static_cast<std::size_t>(area_.width),
                      out.ptr<uchar>(y - area_.y));
       std::swap(wide_[0], wide_[1]);
       std::swap(wide_[1], wide_[2]);
@@ -242,10 +236,10 @@ class InstanceRegion {
 
   // A row with the pixels beside those that are set.
   void widen(const std::uint64_t* row, std::uint64_t* wide) const {
-    for (std::size_t k = 0; k < words_; ++k) {
+    for (std::size_t k = 0; k < found_.words(); ++k) {
       wide[k] = row[k] | row[k] << 1 | row[k] >> 1;
       if (k > 0) wide[k] |= row[k - 1] >> 63;
-      if (k + 1 < words_) wide[k] |= row[k + 1] << 63;
+      if (k + 1 < found_.words()) wide[k] |= row[k + 1] << 63;
     }
   }
 
@@ -256,13 +250,11 @@ class InstanceRegion {
   InversePlane floor_;
   std::vector<InverseSample> floor_samples_;
   DepthRange range_;
-  cv::Rect area_;  // the pixels that are written
+  cv::Rect area_;                  // the pixels that are written
+  detail::BoxBits given_, found_;  // the instance's mask in its box, and the pixels of area_
   std::vector<std::uint16_t> lo_, span_;
   std::array<std::uint16_t, kPart> depth_part_{};
-  // The pixels of area_: rows of words_ words, the first of which is the picture's first_word_.
-  std::vector<std::uint64_t> bits_, columns_;
-  int first_word_ = 0;
-  std::size_t words_ = 0;
+  std::vector<std::uint64_t> columns_;
   std::array<std::vector<std::uint64_t>, 3> wide_;
 };
 

@@ -8,6 +8,7 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
+#include "stillpoint/core/bit_mask.hpp"
 #include "stillpoint/core/depth_view.hpp"
 #include "stillpoint/core/instance.hpp"
 #include "stillpoint/depth/stratified_samples.hpp"
@@ -52,10 +53,11 @@ class ObjectDepthRange {
 
   /// The default: the samples on the instance's own mask; of their histogram's modes the one where
   /// the object is expected, else the nearest that matters, and what hangs together with it. False
-  /// if too few samples have depth. O(samples in the box).
+  /// if too few samples have depth. `mask`: the instance's, unless it is a bare box. O(samples in
+  /// the box).
   bool find_on_mask(const DepthView& depth, const StratifiedSamples& samples,
-                    const Instance& instance, DepthRange& range) {
-    if (!fill_histogram(depth, samples, instance)) return false;
+                    const Instance& instance, const detail::BoxBits& mask, DepthRange& range) {
+    if (!fill_histogram(depth, samples, instance, mask)) return false;
     const int peak = main_mode(instance.depth_m);
     const int enough = std::max(1, smooth(peak) / 25);
     int lo = peak, hi = peak;
@@ -79,7 +81,7 @@ class ObjectDepthRange {
   static constexpr float kReachM = 0.7f;  // a person's arm
 
   bool fill_histogram(const DepthView& depth, const StratifiedSamples& samples,
-                      const Instance& instance) {
+                      const Instance& instance, const detail::BoxBits& bits) {
     histogram_.fill(0);
     total_ = 0;
     const cv::Rect& box = instance.box;
@@ -95,7 +97,7 @@ class ObjectDepthRange {
       const auto take = [&](int cx) {
         const cv::Point p = samples.place(cx, cy, depth.size());
         const bool on =
-            box.contains(p) && (bare || instance.mask.ptr<uchar>(p.y - box.y)[p.x - box.x] != 0);
+            box.contains(p) && (bare || detail::bit_at(bits.row(p.y), bits.bit_of(p.x)));
         on_mask += on;
         *sample++ = on ? depth.row(p.y)[p.x] : std::uint16_t{0};
       };
@@ -108,13 +110,14 @@ class ObjectDepthRange {
       for (; cx < std::min(first, cells.x + cells.width); ++cx) take(cx);
       if (!whole_row) continue;
       const std::uint16_t* z = depth.row(cy * cell);
-      const uchar* mask = instance.mask.ptr<uchar>(cy * cell - box.y);
-      const std::size_t z_stride = depth.stride(), mask_stride = instance.mask.step;
+      const std::uint64_t* mask = bits.row(cy * cell);
+      const std::size_t z_stride = depth.stride(), mask_stride = bits.words();
+      const std::size_t left = 64 * static_cast<std::size_t>(bits.first_word());
       for (; cx < end; ++cx) {
         const cv::Point offset = samples.offset(cx, cy);
         const std::size_t x = static_cast<std::size_t>(cx * cell + offset.x);
         const std::size_t y = static_cast<std::size_t>(offset.y);
-        const int on = mask[y * mask_stride + x - static_cast<std::size_t>(box.x)] != 0;
+        const int on = detail::bit_at(mask + y * mask_stride, x - left);
         on_mask += on;
         *sample++ = static_cast<std::uint16_t>(z[y * z_stride + x] & -on);
       }
