@@ -531,7 +531,7 @@ TEST_F(Cli, BenchShardsAreMerged) {
 }
 
 TEST_F(Cli, BenchJudgesOtherSystemsByTheSameRules) {
-  ASSERT_EQ(run("run walk --out other --tracker vo").code, 0);
+  ASSERT_EQ(run("run walk --out other --preset default --tracker vo").code, 0);
   // The first quarter only: its error is small, and it is no result.
   const Trajectory all = read_trajectory(path("other") / "trajectory.txt");
   write_trajectory(path("short_walk.txt"), Trajectory(all.begin(), all.begin() + 4));
