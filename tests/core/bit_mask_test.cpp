@@ -70,16 +70,17 @@ TEST(BitMask, ABoxAloneIsFull) {
   }
 }
 
-TEST(BoxBits, HoldTheMaskOfABoxAtThePicturesWords) {
+TEST(BitMask, OfABoxHoldsItAtThePicturesWords) {
   RandomGenerator random(7);
-  detail::BoxBits bits;
+  detail::BitMask bits;
   for (int k = 0; k < 100; ++k) {
     const cv::Rect box(static_cast<int>(random.below(150)), static_cast<int>(random.below(9)),
                        1 + static_cast<int>(random.below(150)), 3);
     cv::Mat mask(box.size(), CV_8UC1);
     for (int i = 0; i < box.area(); ++i)
       mask.data[i] = static_cast<uchar>(random.below(2) * random.below(256));
-    bits.set(mask, box);
+    bits.reset(box);
+    bits.add(mask, box);
     EXPECT_EQ(bits.first_word(), box.x / 64);
     for (int y = 0; y < 3; ++y) {
       int set = 0;

@@ -219,26 +219,32 @@ inline void for_each_run(const std::vector<std::uint64_t>& words, Visit&& visit)
   if (begin >= 0) visit(begin, 64 * static_cast<int>(words.size()));
 }
 
-/// A binary picture.
+/// A binary picture, or a box of one: rows of the words that the box touches.
 class BitMask {
  public:
-  /// All pixels zero. O(words).
-  void reset(const cv::Size& size) {
-    size_ = size;
-    words_ = words_for(static_cast<std::size_t>(size.width));
-    bits_.assign(words_ * static_cast<std::size_t>(size.height), 0);
+  /// All pixels of `box` zero. O(words).
+  void reset(const cv::Rect& box) {
+    box_ = box;
+    words_ = words_for(static_cast<std::size_t>(box.x + box.width)) -
+             static_cast<std::size_t>(first_word());
+    refill(bits_, words_ * static_cast<std::size_t>(box.height), std::uint64_t{0});
   }
-  cv::Size size() const { return size_; }
-  /// Words per row.
+  /// The same for a whole picture.
+  void reset(const cv::Size& size) { reset(cv::Rect(cv::Point(), size)); }
+  cv::Size size() const { return box_.size(); }
+  /// Words per row; the first is the picture's word first_word().
   std::size_t words() const { return words_; }
-  std::uint64_t* row(int y) { return bits_.data() + static_cast<std::size_t>(y) * words_; }
+  int first_word() const { return box_.x / 64; }
+  /// Which bit of a row a column of the picture is.
+  std::size_t bit_of(int x) const { return static_cast<std::size_t>(x - 64 * first_word()); }
+  /// A row of the picture.
+  std::uint64_t* row(int y) { return bits_.data() + static_cast<std::size_t>(y - box_.y) * words_; }
   const std::uint64_t* row(int y) const {
-    return bits_.data() + static_cast<std::size_t>(y) * words_;
+    return bits_.data() + static_cast<std::size_t>(y - box_.y) * words_;
   }
   /// ORs a mask (CV_8UC1, not 0: set; empty: all set) that covers `box` of the picture.
   void add(const cv::Mat& mask, const cv::Rect& box) {
-    const std::size_t x = static_cast<std::size_t>(box.x);
-    const std::size_t n = static_cast<std::size_t>(box.width);
+    const std::size_t x = bit_of(box.x), n = static_cast<std::size_t>(box.width);
     for (int y = 0; y < box.height; ++y)
       if (mask.empty())
         fill_bits(x, n, row(box.y + y));
@@ -247,41 +253,7 @@ class BitMask {
   }
 
  private:
-  cv::Size size_;
-  std::size_t words_ = 0;
-  std::vector<std::uint64_t> bits_;
-};
-
-/// A box of a binary picture: rows of the words that the box touches.
-class BoxBits {
- public:
-  /// All pixels zero. O(words).
-  void reset(const cv::Rect& box) {
-    top_ = box.y;
-    first_word_ = box.x / 64;
-    words_ = words_for(static_cast<std::size_t>(box.x + box.width)) -
-             static_cast<std::size_t>(first_word_);
-    refill(bits_, words_ * static_cast<std::size_t>(box.height), std::uint64_t{0});
-  }
-  /// The pixels of a mask (CV_8UC1, not 0: set) that covers `box`. O(pixels / 16).
-  void set(const cv::Mat& mask, const cv::Rect& box) {
-    reset(box);
-    for (int y = 0; y < box.height; ++y)
-      or_bytes(mask.ptr<unsigned char>(y), static_cast<std::size_t>(box.width), bit_of(box.x),
-               row(box.y + y));
-  }
-  /// The words of a row of the picture: the first is the picture's word first_word().
-  std::uint64_t* row(int y) { return bits_.data() + static_cast<std::size_t>(y - top_) * words_; }
-  const std::uint64_t* row(int y) const {
-    return bits_.data() + static_cast<std::size_t>(y - top_) * words_;
-  }
-  std::size_t words() const { return words_; }
-  int first_word() const { return first_word_; }
-  /// Which bit of a row a column of the picture is.
-  std::size_t bit_of(int x) const { return static_cast<std::size_t>(x - 64 * first_word_); }
-
- private:
-  int top_ = 0, first_word_ = 0;
+  cv::Rect box_;
   std::size_t words_ = 0;
   std::vector<std::uint64_t> bits_;
 };

@@ -69,7 +69,10 @@ class InstanceRegion {
     out.predicted = instance.predicted;
     out.blur = instance.blur;
     const bool paper = settings_.method == DepthMaskFuserSettings::Method::kPaper;
-    if (!paper && !instance.mask.empty()) given_.set(instance.mask, instance.box);
+    if (!paper && !instance.mask.empty()) {
+      given_.reset(instance.box);
+      given_.add(instance.mask, instance.box);
+    }
     const bool connected =
         !paper && ranges_.find_on_mask(depth, samples_, instance, given_, range_);
     area_ = instance.box;
@@ -251,7 +254,7 @@ class InstanceRegion {
   std::vector<InverseSample> floor_samples_;
   DepthRange range_;
   cv::Rect area_;                  // the pixels that are written
-  detail::BoxBits given_, found_;  // the instance's mask in its box, and the pixels of area_
+  detail::BitMask given_, found_;  // the instance's mask in its box, and the pixels of area_
   std::vector<std::uint16_t> lo_, span_;
   std::array<std::uint16_t, kPart> depth_part_{};
   std::vector<std::uint64_t> columns_;

@@ -56,7 +56,7 @@ class ObjectDepthRange {
   /// if too few samples have depth. `mask`: the instance's, unless it is a bare box. O(samples in
   /// the box).
   bool find_on_mask(const DepthView& depth, const StratifiedSamples& samples,
-                    const Instance& instance, const detail::BoxBits& mask, DepthRange& range) {
+                    const Instance& instance, const detail::BitMask& mask, DepthRange& range) {
     if (!fill_histogram(depth, samples, instance, mask)) return false;
     const int peak = main_mode(instance.depth_m);
     const int enough = std::max(1, smooth(peak) / 25);
@@ -81,7 +81,7 @@ class ObjectDepthRange {
   static constexpr float kReachM = 0.7f;  // a person's arm
 
   bool fill_histogram(const DepthView& depth, const StratifiedSamples& samples,
-                      const Instance& instance, const detail::BoxBits& bits) {
+                      const Instance& instance, const detail::BitMask& bits) {
     histogram_.fill(0);
     total_ = 0;
     const cv::Rect& box = instance.box;
@@ -112,12 +112,11 @@ class ObjectDepthRange {
       const std::uint16_t* z = depth.row(cy * cell);
       const std::uint64_t* mask = bits.row(cy * cell);
       const std::size_t z_stride = depth.stride(), mask_stride = bits.words();
-      const std::size_t left = 64 * static_cast<std::size_t>(bits.first_word());
       for (; cx < end; ++cx) {
         const cv::Point offset = samples.offset(cx, cy);
         const std::size_t x = static_cast<std::size_t>(cx * cell + offset.x);
         const std::size_t y = static_cast<std::size_t>(offset.y);
-        const int on = detail::bit_at(mask + y * mask_stride, x - left);
+        const int on = detail::bit_at(mask + y * mask_stride, bits.bit_of(cx * cell + offset.x));
         on_mask += on;
         *sample++ = static_cast<std::uint16_t>(z[y * z_stride + x] & -on);
       }

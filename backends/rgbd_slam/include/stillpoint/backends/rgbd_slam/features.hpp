@@ -43,9 +43,10 @@ class FeatureExtractor {
 ///
 /// On each level of the pyramid FAST corners are found with a threshold that falls in the cells
 /// where nothing stands out. Those on or at the rim of the dynamic mask are dropped *before* the
-/// level's budget is spent, so that all of it goes to the static area, and the budget grows with what
-/// the mask hides; what a level can't spend goes on to the next. The best corners of even cells are kept (`spread`), turned by their
-/// intensity centroid and described by cv::ORB. Deterministic. One object serves one thread.
+/// level's budget is spent, so that all of it goes to the static area, and the budget grows with
+/// what the mask hides; what a level can't spend goes on to the next. The best corners of even
+/// cells are kept (`spread`), turned by their intensity centroid and described by cv::ORB.
+/// Deterministic. One object serves one thread.
 class OrbExtractor final : public FeatureExtractor {
  public:
   struct Settings {
