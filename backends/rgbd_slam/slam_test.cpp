@@ -2,9 +2,14 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <functional>
+#include <mutex>
+#include <thread>
+#include <vector>
 
+#include "stillpoint/backends/rgbd_slam/fair_mutex.hpp"
 #include "stillpoint/backends/rgbd_slam/slam_system.hpp"
 #include "stillpoint/core/random.hpp"
 #include "stillpoint/evaluation/trajectory_error.hpp"
@@ -54,6 +59,27 @@ KeypointFrame frame_of(std::size_t n, std::uint64_t seed) {
     f.descriptors.push_back({seed, i, 0, 0});
   }
   return f;
+}
+
+// Else who comes back at once would keep it from whoever waits.
+TEST(FairMutex, GoesToWhoeverWaitedLongest) {
+  FairMutex mutex;
+  std::vector<int> order;
+  std::vector<std::thread> others;
+  std::unique_lock<FairMutex> mine(mutex);
+  for (int i = 0; i < 3; ++i) {
+    others.emplace_back([&, i] {
+      const std::lock_guard<FairMutex> guard(mutex);
+      order.push_back(i);
+    });
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));  // until it waits
+  }
+  mine.unlock();
+  mine.lock();
+  order.push_back(3);
+  mine.unlock();
+  for (std::thread& t : others) t.join();
+  EXPECT_EQ(order, (std::vector<int>{0, 1, 2, 3}));
 }
 
 TEST(Map, KeepsObservationsOfBothSidesTogether) {
@@ -343,14 +369,6 @@ TEST(SlamSystem, FollowsACameraThatTurnsByJerks) {
   EXPECT_GT(fewest, 60);
 }
 
-// Puts what a camera elsewhere in the room sees over the left columns of a frame.
-void cover_left(RgbdFrame& frame, int columns, const Eigen::Isometry3d& T_world_camera) {
-  const RgbdFrame other = test_scene::render(T_world_camera, frame.timestamp);
-  const cv::Rect part(0, 0, columns, frame.color.rows);
-  other.color(part).copyTo(frame.color(part));
-  other.depth(part).copyTo(frame.depth(part));
-}
-
 // What fills two fifths of the picture moves as one, and no mask covers it yet.
 TEST(SlamSystem, IsNotTakenAlongByWhatMovesBeforeTheFirstMask) {
   SlamSystem slam(test_scene::camera(), small_settings());
@@ -360,7 +378,7 @@ TEST(SlamSystem, IsNotTakenAlongByWhatMovesBeforeTheFirstMask) {
     RgbdFrame frame = test_scene::render(T, step / 15.0);
     Eigen::Isometry3d moved = T;
     moved.pretranslate(Eigen::Vector3d(0.03, 0, 0.01) * step);
-    cover_left(frame, frame.color.cols * 2 / 5, moved);
+    test_scene::cover_left(frame, frame.color.cols * 2 / 5, moved);
     const auto pose = feed(slam, frame);
     ASSERT_TRUE(pose) << step;
     tracked.push_back({frame.timestamp, *pose});
@@ -382,7 +400,7 @@ void mend_the_start(int covered, int every = 1) {
         // It looks like the walls behind the camera, which are not seen else.
         Eigen::Isometry3d moved = Eigen::AngleAxisd(3.14159, Eigen::Vector3d::UnitY()) * T;
         moved.pretranslate(Eigen::Vector3d(0.015, 0, 0.005) * step);
-        cover_left(frame, frame.color.cols * 3 / 5, moved);
+        test_scene::cover_left(frame, frame.color.cols * 3 / 5, moved);
       }
       const auto pose = feed(slam, frame);
       ASSERT_TRUE(pose) << step;

@@ -72,6 +72,15 @@ inline stillpoint::RgbdFrame render(const Eigen::Isometry3d& T_world_camera, dou
   return frame;
 }
 
+// Puts what a camera elsewhere in the room sees over the left columns of a frame.
+inline void cover_left(stillpoint::RgbdFrame& frame, int columns,
+                       const Eigen::Isometry3d& T_world_camera) {
+  const stillpoint::RgbdFrame other = render(T_world_camera, frame.timestamp);
+  const cv::Rect part(0, 0, columns, frame.color.rows);
+  other.color(part).copyTo(frame.color(part));
+  other.depth(part).copyTo(frame.depth(part));
+}
+
 // A walk that sways and turns; step = 1/30 s.
 inline Eigen::Isometry3d path(int step) {
   const double t = step / 30.0;

@@ -294,11 +294,10 @@ void add_bench_command(CLI::App& app) {
   choices(command->add_option("--tracker", plan.common.tracker,
                               "The system that tracks  [" + default_tracker() + "]"),
           tracker_names());
-  between(
-      command->add_option(
-          "--features", plan.common.features,
-          "Keypoints per frame; up to twice as many\nwhere masks hide much  [1000; --paper: 3000]"),
-      50, 100000);
+  between(command->add_option("--features", plan.common.features,
+                              "Keypoints per frame; up to three times as many\nwhere masks hide "
+                              "much  [1000; --paper: 3000]"),
+          50, 100000);
   between(command->add_option("--frames", plan.common.frames, "Only the first N frames  [all]"), 1,
           1000000);
   command

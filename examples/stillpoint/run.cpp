@@ -134,7 +134,7 @@ void add_run_command(CLI::App& app) {
           tracker_names());
   between(command->add_option(
               "--features", s.features,
-              "Keypoints per frame; up to twice as many\nwhere masks hide much  [1000]"),
+              "Keypoints per frame; up to three times as many\nwhere masks hide much  [1000]"),
           50, 100000);
   command
       ->add_option("--seed", s.seed,

@@ -19,7 +19,7 @@
 //   keypoints         extracted, kept: per frame; with masks_gt kept_on_people (share of the kept),
 //                     precision, recall, f1, static_kept
 //                     (the latter on keypoints of the whole picture)
-//   times_ms          per stage: median, p95
+//   times_ms          per stage: median, p95, max
 //   status            how many frames had which status bit
 //   settings, camera, versions, machine, peak_memory_mb
 //   notes             what the user should know (wrong depth factor, frames left out)
@@ -502,7 +502,9 @@ std::string summary_text(const Json& stats) {
   std::string times;
   for (const auto& [stage, t] : stats["times_ms"].items())
     times += (times.empty() ? "" : ", ") + stage + " " + fixed(number_at(t, "median"), 2);
-  add("ms/frame", times + "  (medians)");
+  const Json& total = stats["times_ms"]["total"];
+  add("ms/frame", times + " (medians); total p95 " + fixed(number_at(total, "p95"), 1) +
+                      ", longest " + fixed(number_at(total, "max"), 1));
   std::string status;
   for (const auto& [name, n] : stats["status"].items())
     status += (status.empty() ? "" : ", ") + name + " " + n.dump();

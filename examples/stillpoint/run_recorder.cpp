@@ -190,7 +190,7 @@ void RunRecorder::summarize(Json& stats, bool front_end) const {
   }
   for (const std::string& stage : timing.stages()) {
     const TimingSummary t = timing.summary(stage);
-    stats["times_ms"][stage] = {{"median", t.median_ms}, {"p95", t.p95_ms}};
+    stats["times_ms"][stage] = {{"median", t.median_ms}, {"p95", t.p95_ms}, {"max", t.max_ms}};
   }
   stats["lost"] = Json::array();
   for (std::size_t i = 0; i < records_.size(); ++i) {

@@ -55,7 +55,7 @@ class OrbExtractor final : public FeatureExtractor {
     /// A mask that hides a part of the picture leaves fewer directions to tell the pose by: more
     /// keypoints in the rest make up for that. Their number is `features` divided by the square of
     /// the share that is left, but at most so many times `features`; 1: never more.
-    double most_masked = 2;
+    double most_masked = 3;
     int levels = 8;
     double scale_factor = 1.2;
     /// FAST threshold (grey values), and the one for cells without any corner.

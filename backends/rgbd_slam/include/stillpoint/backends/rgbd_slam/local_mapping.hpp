@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "stillpoint/backends/rgbd_slam/bundle_adjustment.hpp"
+#include "stillpoint/backends/rgbd_slam/fair_mutex.hpp"
 #include "stillpoint/backends/rgbd_slam/map.hpp"
 #include "stillpoint/backends/rgbd_slam/map_changes.hpp"
 #include "stillpoint/backends/rgbd_slam/place_index.hpp"
@@ -36,26 +37,26 @@ class LocalMapping {
       : optics_(optics), settings_(settings) {}
 
   /// Works a keyframe in. With `stop` set by another thread the long parts are cut short.
-  void process(Map& map, std::mutex& lock, PlaceIndex& index, KeyframeId id,
+  void process(Map& map, FairMutex& lock, PlaceIndex& index, KeyframeId id,
                const std::atomic<bool>& stop) {
     {
-      const std::lock_guard<std::mutex> guard(lock);
+      const std::lock_guard<FairMutex> guard(lock);
       register_points(map, id);
       cull_young_points(map, id);
     }
     std::vector<KeyframeId> neighbors;
     {
-      const std::lock_guard<std::mutex> guard(lock);
+      const std::lock_guard<FairMutex> guard(lock);
       neighbors = map.neighbors(id, settings_.triangulate_with);
     }
     for (const KeyframeId n : neighbors) {
-      const std::lock_guard<std::mutex> guard(lock);
+      const std::lock_guard<FairMutex> guard(lock);
       for (const PointId p : triangulate_between(optics_, map, *map.keyframe(id), *map.keyframe(n)))
         young_.push_back(p);
     }
     fuse(map, lock, id);
     if (!stop.load()) adjust(map, lock, id, stop);
-    const std::lock_guard<std::mutex> guard(lock);
+    const std::lock_guard<FairMutex> guard(lock);
     if (!stop.load()) cull_keyframes(map, index, id);
   }
 
@@ -90,19 +91,19 @@ class LocalMapping {
     young_.resize(kept);
   }
 
-  void fuse(Map& map, std::mutex& lock, KeyframeId id) {
+  void fuse(Map& map, FairMutex& lock, KeyframeId id) {
     std::vector<KeyframeId> targets;
     std::vector<PointId> own;
     {
-      const std::lock_guard<std::mutex> guard(lock);
+      const std::lock_guard<FairMutex> guard(lock);
       targets = map.neighbors(id, settings_.fuse_with);
       own = points_of(map, {id});
     }
     for (const KeyframeId target : targets) {
-      const std::lock_guard<std::mutex> guard(lock);
+      const std::lock_guard<FairMutex> guard(lock);
       fuse_points(optics_, map, *map.keyframe(target), own, 3, false);
     }
-    const std::lock_guard<std::mutex> guard(lock);
+    const std::lock_guard<FairMutex> guard(lock);
     fuse_points(optics_, map, *map.keyframe(id), points_of(map, targets), 3, false);
     for (const PointId p : points_of(map, {id})) map.refresh(*map.point(p));
     map.update_connections(id);
@@ -118,10 +119,10 @@ class LocalMapping {
     return points;
   }
 
-  void adjust(Map& map, std::mutex& lock, KeyframeId id, const std::atomic<bool>& stop) {
+  void adjust(Map& map, FairMutex& lock, KeyframeId id, const std::atomic<bool>& stop) {
     BundleProblem bundle;
     {
-      const std::lock_guard<std::mutex> guard(lock);
+      const std::lock_guard<FairMutex> guard(lock);
       if (map.keyframe_count() < 2) return;
       std::vector<KeyframeId> local = map.neighbors(id, settings_.bundle_keyframes - 1);
       local.push_back(id);
@@ -129,7 +130,7 @@ class LocalMapping {
       bundle = collect_bundle(map, optics_, local);
     }
     if (!solve_bundle(bundle, optics_, settings_.bundle_iterations, &stop)) return;
-    const std::lock_guard<std::mutex> guard(lock);
+    const std::lock_guard<FairMutex> guard(lock);
     apply_local_bundle(map, bundle);
   }
 

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "stillpoint/backends/rgbd_slam/bundle_adjustment.hpp"
+#include "stillpoint/backends/rgbd_slam/fair_mutex.hpp"
 #include "stillpoint/backends/rgbd_slam/local_map.hpp"
 #include "stillpoint/backends/rgbd_slam/map_changes.hpp"
 #include "stillpoint/backends/rgbd_slam/place_index.hpp"
@@ -46,11 +47,11 @@ class LoopClosing {
 
   /// Enters a keyframe into the index and closes a loop if it sees one. `mapping_lock` keeps local
   /// mapping out while the map is corrected; `lock` is the map's. Returns true if one was closed.
-  bool process(Map& map, std::mutex& mapping_lock, std::mutex& lock, PlaceIndex& index,
+  bool process(Map& map, std::mutex& mapping_lock, FairMutex& lock, PlaceIndex& index,
                KeyframeId id) {
     Loop loop;
     {
-      const std::lock_guard<std::mutex> guard(lock);
+      const std::lock_guard<FairMutex> guard(lock);
       if (!map.keyframe(id)) return false;
       if (settings_.enabled && id - last_loop_ >= settings_.min_gap) loop = detect(map, index, id);
       index.add(id, place_descriptors(*map.keyframe(id)));
@@ -70,10 +71,10 @@ class LoopClosing {
   void reset() { last_loop_ = -1000; }
 
   /// Adjusts all keyframes and points at once (full bundle adjustment).
-  void adjust_all(Map& map, std::mutex& mapping_lock, std::mutex& lock) {
+  void adjust_all(Map& map, std::mutex& mapping_lock, FairMutex& lock) {
     BundleProblem bundle;
     {
-      const std::lock_guard<std::mutex> guard(lock);
+      const std::lock_guard<FairMutex> guard(lock);
       std::vector<KeyframeId> all;
       for (int i = 0; i < map.keyframe_end(); ++i)
         if (map.keyframe(i)) all.push_back(i);
@@ -81,7 +82,7 @@ class LoopClosing {
     }
     if (!solve_bundle(bundle, optics_, settings_.bundle_iterations, nullptr, true)) return;
     const std::lock_guard<std::mutex> no_mapping(mapping_lock);
-    const std::lock_guard<std::mutex> guard(lock);
+    const std::lock_guard<FairMutex> guard(lock);
     apply_global_bundle(map, bundle);
   }
 
@@ -144,12 +145,12 @@ class LoopClosing {
     return 2 * agreeing >= asked;
   }
 
-  bool correct(Map& map, std::mutex& lock, KeyframeId id, const Loop& loop) {
+  bool correct(Map& map, FairMutex& lock, KeyframeId id, const Loop& loop) {
     std::map<KeyframeId, Eigen::Isometry3d> poses;
     std::vector<PoseGraphEdge> edges;
     KeyframeId origin = kNone;
     {
-      const std::lock_guard<std::mutex> guard(lock);
+      const std::lock_guard<FairMutex> guard(lock);
       if (!map.keyframe(id) || !map.keyframe(loop.place)) return false;
       std::map<KeyframeId, Eigen::Isometry3d> before;
       std::map<KeyframeId, std::map<KeyframeId, int>> linked_before;
@@ -168,7 +169,7 @@ class LoopClosing {
       }
     }
     if (!optimize_pose_graph(poses, edges, origin)) return false;
-    const std::lock_guard<std::mutex> guard(lock);
+    const std::lock_guard<FairMutex> guard(lock);
     move_map(map, poses);
     return true;
   }

@@ -10,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "stillpoint/backends/rgbd_slam/fair_mutex.hpp"
 #include "stillpoint/backends/rgbd_slam/frame_record.hpp"
 #include "stillpoint/backends/rgbd_slam/local_map.hpp"
 #include "stillpoint/backends/rgbd_slam/pnp.hpp"
@@ -100,14 +101,14 @@ class MapTracking {
   bool tracking() const { return tracking_; }
 
   /// Judges the first frames again once enough is known (see StartReview); `lock` is the map's.
-  void review_start(Map& map, std::mutex& lock) { start_.run(optics_, map, lock, records_); }
+  void review_start(Map& map, FairMutex& lock) { start_.run(optics_, map, lock, records_); }
 
   /// Refines the poses of those frames that are old enough for the map around them to be known well
   /// (`all`: of all that are left); see FrameRecord::settle(). `lock` is the map's, held for one
   /// frame (about 0.3 ms) at a time.
-  void settle(const Map& map, std::mutex& lock, bool all = false) {
+  void settle(const Map& map, FairMutex& lock, bool all = false) {
     for (;;) {
-      const std::lock_guard<std::mutex> guard(lock);
+      const std::lock_guard<FairMutex> guard(lock);
       if (settled_ + (all ? 0 : kSettleAfter) >= records_.size()) return;
       records_[settled_++].settle(optics_, map);
     }

@@ -197,7 +197,8 @@ class RgbdOdometry final : public Tracker {
     return T;
   }
 
-  // Moves the matched keypoints to where the points' patches fit, and optimises once more.
+  // Moves the matched keypoints to where the points' patches fit, and optimises once more. A pose
+  // that too few of them agree on is contested.
   std::optional<Eigen::Isometry3d> polish(const Eigen::Isometry3d& T) {
     std::vector<PoseObservation> observations;
     for (std::size_t i = 0; i < matched_.size(); ++i) {
@@ -212,7 +213,21 @@ class RgbdOdometry final : public Tracker {
       }
       observations.push_back(observation(i, p.position, static_cast<int>(i)));
     }
-    return optimize(observations, T);
+    const std::vector<int> matched = matched_;
+    const std::optional<Eigen::Isometry3d> fitted = optimize(observations, T);
+    if (fitted && stats_.inliers >= 0.8 * static_cast<double>(observations.size())) return fitted;
+    // It may be a compromise with people whom no mask covers: most agreement wins.
+    std::optional<Eigen::Isometry3d> other =
+        solve_pnp_ransac(camera_, settings_.noise, observations, settings_.min_inliers, 300, 1.0);
+    if (!other) return fitted;
+    const int agreeing = optimize_pose(camera_, settings_.noise, observations, *other, 4);
+    if (agreeing < settings_.min_inliers || (fitted && agreeing <= stats_.inliers)) return fitted;
+    stats_.inliers = agreeing;
+    for (const PoseObservation& o : observations) {
+      const auto k = static_cast<std::size_t>(o.index);
+      matched_[k] = o.inlier ? matched[k] : -1;
+    }
+    return other;
   }
 
   // Finds the pose in the map without any guess.

@@ -12,6 +12,7 @@
 #include <utility>
 #include <vector>
 
+#include "stillpoint/backends/rgbd_slam/fair_mutex.hpp"
 #include "stillpoint/backends/rgbd_slam/features.hpp"
 #include "stillpoint/backends/rgbd_slam/local_mapping.hpp"
 #include "stillpoint/backends/rgbd_slam/loop_closing.hpp"
@@ -93,7 +94,7 @@ class SlamSystem final : public Tracker {
     KeyframeId made = kNone;
     bool restart = false;
     {
-      const std::lock_guard<std::mutex> guard(map_mutex_);
+      const std::lock_guard<FairMutex> guard(map_mutex_);
       if (tracking_->track(map_, index_, std::move(keypoints), pyramid_, busy))
         pose = tracking_->current().T_camera_world.inverse();
       made = tracking_->new_keyframe();
@@ -115,13 +116,13 @@ class SlamSystem final : public Tracker {
   std::optional<Eigen::Isometry3d> predicted_motion() const override { return tracking_->motion(); }
 
   Trajectory trajectory() const override {
-    const std::lock_guard<std::mutex> guard(map_mutex_);
+    const std::lock_guard<FairMutex> guard(map_mutex_);
     return tracking_->trajectory(map_);
   }
 
   /// Poses of the keyframes that are in the map now.
   Trajectory keyframe_trajectory() const {
-    const std::lock_guard<std::mutex> guard(map_mutex_);
+    const std::lock_guard<FairMutex> guard(map_mutex_);
     Trajectory trajectory;
     for (int i = 0; i < map_.keyframe_end(); ++i)
       if (const Keyframe* k = map_.keyframe(i))
@@ -142,11 +143,11 @@ class SlamSystem final : public Tracker {
   const MapTracking::Stats& stats() const { return tracking_->stats(); }
   int loops_closed() const { return loops_->closed(); }
   std::size_t keyframes() const {
-    const std::lock_guard<std::mutex> guard(map_mutex_);
+    const std::lock_guard<FairMutex> guard(map_mutex_);
     return map_.keyframe_count();
   }
   std::size_t map_points() const {
-    const std::lock_guard<std::mutex> guard(map_mutex_);
+    const std::lock_guard<FairMutex> guard(map_mutex_);
     return map_.point_count();
   }
 
@@ -154,7 +155,7 @@ class SlamSystem final : public Tracker {
   void build_map(KeyframeId id, const std::atomic<bool>& hurry) {
     const std::lock_guard<std::mutex> guard(mapping_mutex_);
     {
-      const std::lock_guard<std::mutex> map_guard(map_mutex_);
+      const std::lock_guard<FairMutex> map_guard(map_mutex_);
       if (id >= map_.keyframe_end() || !map_.keyframe(id)) return;
     }
     mapping_->process(map_, map_mutex_, index_, id, hurry);
@@ -169,7 +170,7 @@ class SlamSystem final : public Tracker {
 
   void close_loops(KeyframeId id) {
     {
-      const std::lock_guard<std::mutex> map_guard(map_mutex_);
+      const std::lock_guard<FairMutex> map_guard(map_mutex_);
       if (id >= map_.keyframe_end()) return;
     }
     loops_->process(map_, mapping_mutex_, map_mutex_, index_, id);
@@ -180,7 +181,7 @@ class SlamSystem final : public Tracker {
   void start_anew() {
     drain();
     const std::lock_guard<std::mutex> guard(mapping_mutex_);
-    const std::lock_guard<std::mutex> map_guard(map_mutex_);
+    const std::lock_guard<FairMutex> map_guard(map_mutex_);
     map_.clear();
     adjusted_to_ = 0;
     index_ = PlaceIndex();
@@ -197,7 +198,7 @@ class SlamSystem final : public Tracker {
   Features features_;
   // Who works on the map holds the first; who only passes by, the second; both in this order.
   std::mutex mapping_mutex_;
-  mutable std::mutex map_mutex_;
+  mutable FairMutex map_mutex_;
   Map map_;
   PlaceIndex index_;
   KeyframeId adjusted_to_ = 0;  // keyframe_end() when all of the map was adjusted last

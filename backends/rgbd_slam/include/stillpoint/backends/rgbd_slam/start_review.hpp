@@ -11,6 +11,7 @@
 #include <utility>
 #include <vector>
 
+#include "stillpoint/backends/rgbd_slam/fair_mutex.hpp"
 #include "stillpoint/backends/rgbd_slam/frame_record.hpp"
 #include "stillpoint/backends/rgbd_slam/image_pyramid.hpp"
 #include "stillpoint/backends/rgbd_slam/map.hpp"
@@ -50,10 +51,10 @@ class StartReview {
   /// Judges the frames kept, which are the first ones of `records`, if it is time. No other thread
   /// may change the map's keyframes meanwhile, or reset this; `lock`, the map's, is held for one
   /// frame (about 5 ms) at a time.
-  void run(const Optics& optics, Map& map, std::mutex& lock, std::vector<FrameRecord>& records) {
+  void run(const Optics& optics, Map& map, FairMutex& lock, std::vector<FrameRecord>& records) {
     std::size_t judged = 0;
     {
-      const std::lock_guard<std::mutex> guard(lock);
+      const std::lock_guard<FairMutex> guard(lock);
       if (round_ == kRounds.size() || records.size() < 3) return;
       const double start_s = records.front().timestamp();
       if (records.back().timestamp() - start_s < kRounds[round_].settled_s) return;
@@ -63,7 +64,7 @@ class StartReview {
         ++judged;
     }
     for (std::size_t i = judged; i-- > 0;) {
-      const std::lock_guard<std::mutex> guard(lock);
+      const std::lock_guard<FairMutex> guard(lock);
       const double later_s =
           std::max(records[i].timestamp() + kLaterS, records[right_].timestamp());
       std::optional<TrackedFrame> found = track_again(optics, map, records, i, later_s, kept_[i]);
@@ -76,7 +77,7 @@ class StartReview {
         mend(map, *own, *found, records, later);
       records[i] = FrameRecord(map, later, *found);
     }
-    const std::lock_guard<std::mutex> guard(lock);
+    const std::lock_guard<FairMutex> guard(lock);
     if (++round_ == kRounds.size()) std::vector<Kept>().swap(kept_);
   }
 
