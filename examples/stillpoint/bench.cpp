@@ -53,7 +53,9 @@ void run_one(const BenchJob& job, const Json& key, const BenchOptions& options,
   RunOutputs outputs;
   outputs.trajectory = base.string() + ".trajectory.txt";
   outputs.series = true;
-  const bool shown = job.run == 0 && (job.variant.name == "off" || job.variant.name == "default");
+  const std::string& variant = job.variant.name;
+  const bool shown =
+      job.run == 0 && (variant == "off" || variant == "default" || variant == "motion");
   if (shown) {
     outputs.overlays_dir = base.string() + ".overlays";
     outputs.overlays_jpeg = true;

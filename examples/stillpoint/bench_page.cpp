@@ -169,10 +169,19 @@ bool is_estimate(const Json& result) {
   return result["job"]["variant"].get<std::string>().compare(0, 9, "estimate_") == 0;
 }
 
+/// The variant that stands for "front end on": what `stillpoint run` takes, if it is here.
+std::string variant_on(const std::vector<const Json*>& results) {
+  for (const Json* r : results)
+    if ((*r)["job"]["variant"] == "motion" && r->contains("stats")) return "motion";
+  return "default";
+}
+
 /// The runs whose curves are drawn: the first run of these variants, and other systems' estimates.
-std::vector<const Json*> shown_runs(const std::vector<const Json*>& results) {
+std::vector<const Json*> shown_runs(const std::vector<const Json*>& results,
+                                    const std::string& on) {
   std::vector<const Json*> shown;
-  for (const char* name : {"off", "paper", "default", "truth"})
+  for (const std::string& name :
+       {std::string("off"), std::string("paper"), on, std::string("truth")})
     for (const Json* r : results)
       if ((*r)["job"]["variant"] == name && r->contains("stats") &&
           (*r)["stats"].contains("series")) {
@@ -189,7 +198,7 @@ std::string color_of(const Json& result, std::size_t position) {
   if (variant == "off") return "#d55e00";
   if (variant == "paper") return "#cc79a7";
   if (variant == "truth") return "#009e73";
-  if (variant == "default") return "#0072b2";
+  if (variant == "default" || variant == "motion") return "#0072b2";
   static const char* const others[] = {"#e69f00", "#56b4e9", "#8c564b", "#7f7f7f"};
   return others[position % 4];
 }
@@ -227,7 +236,7 @@ std::string trajectory_plots(const std::vector<const Json*>& shown) {
       const std::string variant = (*r)["job"]["variant"];
       if (variant == "truth" || variant == "paper" || (variant == "off" && !with_off)) continue;
       off = off || variant == "off";
-      on = on || variant == "default";
+      on = on || variant == "default" || variant == "motion";
       plot.series.push_back({trimmed_label(*r), color_of(*r, k), column(series["path"], 0),
                              column(series["path"], second), 1.5, false, false, false});
     }
@@ -299,12 +308,13 @@ std::string time_plots(const std::vector<const Json*>& shown) {
 }
 
 /// The pictures that a result lists under `key`, for the front end off and on.
-std::string pictures(const std::vector<const Json*>& results, const char* key) {
+std::string pictures(const std::vector<const Json*>& results, const char* key,
+                     const std::string& variant) {
   const Json *off = nullptr, *on = nullptr;
   for (const Json* r : results) {
     if (!r->contains(key) || (*r)[key].empty()) continue;
     if (!off && (*r)["job"]["variant"] == "off") off = r;
-    if (!on && (*r)["job"]["variant"] == "default") on = r;
+    if (!on && (*r)["job"]["variant"] == variant) on = r;
   }
   // Off on the left, on to its right: the same frame, the same view.
   std::string out = "<div class=\"figures\">\n";
@@ -359,19 +369,19 @@ std::string overview(const Json& rows, const std::vector<std::string>& sequences
 }
 
 /// The first sentence of a section: what the front end brought.
-std::string verdict(const std::vector<const Json*>& rows) {
+std::string verdict(const std::vector<const Json*>& rows, const std::string& variant) {
   const Json *off = nullptr, *on = nullptr;
   for (const Json* row : rows) {
     if (!off && (*row)["variant"] == "off") off = row;
-    if (!on && (*row)["variant"] == "default") on = row;
+    if (!on && (*row)["variant"] == variant) on = row;
   }
   if (!off || !on) return "";
   const auto say = [](const Json& row) {
     return "<b>" + fixed(number_at(row, "ate_rmse_m"), 4) + " m</b> at " +
            fixed(100 * number_at(row, "coverage_min"), 1) + " % coverage";
   };
-  return "<p>Absolute trajectory error with the front end off: " + say(*off) +
-         "; with the default preset: " + say(*on) + ".</p>\n";
+  return "<p>Absolute trajectory error with the front end off: " + say(*off) + "; with the " +
+         escape_html((*on)["label"].get<std::string>()) + ": " + say(*on) + ".</p>\n";
 }
 
 }  // namespace
@@ -410,12 +420,13 @@ std::string make_page(const Json& rows, const std::vector<Json>& results,
     for (const Json& r : results)
       if (r["job"]["sequence"] == sequence) own_results.push_back(&r);
     out += "<h2 id=\"" + escape_html(sequence) + "\">" + escape_html(sequence) + "</h2>\n";
-    out += verdict(own_rows) + accuracy_table(own_rows);
-    const std::vector<const Json*> shown = shown_runs(own_results);
+    const std::string on = variant_on(own_results);
+    out += verdict(own_rows, on) + accuracy_table(own_rows);
+    const std::vector<const Json*> shown = shown_runs(own_results, on);
     out += "<h3>Trajectory</h3><div class=\"figures\">" + trajectory_plots(shown) + "</div>\n";
     out += "<h3>Error, masks and blur over time</h3><div class=\"figures\">" + time_plots(shown) +
            "</div>\n";
-    const std::string frames = pictures(own_results, "overlays");
+    const std::string frames = pictures(own_results, "overlays", on);
     if (!frames.empty())
       out +=
           "<h3>Frames</h3><p class=\"note\">Green: keypoints that reach the tracker. Red: those "
@@ -424,7 +435,7 @@ std::string make_page(const Json& rows, const std::vector<Json>& results,
           "From each quarter of the sequence the frame where the given masks miss most of the "
           "people.</p>\n" +
           frames;
-    const std::string maps = pictures(own_results, "map_views");
+    const std::string maps = pictures(own_results, "map_views", on);
     if (!maps.empty())
       out +=
           "<h3>Dense map</h3><p class=\"note\">The static pixels of every fifth frame, from behind "

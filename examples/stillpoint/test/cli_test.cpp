@@ -500,6 +500,7 @@ TEST_F(Cli, BenchComparesAndGoesOn) {
   const std::string page = text_of(path("b") / "index.html");
   EXPECT_NE(page.find("<svg"), std::string::npos);
   EXPECT_NE(page.find("data:image/jpeg;base64,"), std::string::npos);
+  EXPECT_NE(page.find("; with the motion preset: <b>"), std::string::npos) << "what run takes";
   for (const char* outside : {"src=\"http", "href=\"http", "<script", "url("})
     EXPECT_EQ(page.find(outside), std::string::npos) << outside;
 
