@@ -49,12 +49,20 @@ class LoopClosing {
   /// mapping out while the map is corrected; `lock` is the map's. Returns true if one was closed.
   bool process(Map& map, std::mutex& mapping_lock, FairMutex& lock, PlaceIndex& index,
                KeyframeId id) {
-    Loop loop;
+    std::vector<KeyframeId> candidates;
     {
       const std::lock_guard<FairMutex> guard(lock);
       if (!map.keyframe(id)) return false;
-      if (settings_.enabled && id - last_loop_ >= settings_.min_gap) loop = detect(map, index, id);
+      if (settings_.enabled && id - last_loop_ >= settings_.min_gap)
+        candidates = find_candidates(map, index, id);
       index.add(id, place_descriptors(*map.keyframe(id)));
+    }
+    Loop loop;
+    for (const KeyframeId place : candidates) {
+      // One at a time: each takes about 10 ms, and tracking may wait.
+      const std::lock_guard<FairMutex> guard(lock);
+      loop = confirm(map, id, place);
+      if (loop.place != kNone) break;
     }
     if (loop.place == kNone) return false;
     {
@@ -89,12 +97,13 @@ class LoopClosing {
  private:
   struct Loop {
     KeyframeId place = kNone;
-    Eigen::Isometry3d T_camera_world;
+    Eigen::Isometry3d T_camera_world = Eigen::Isometry3d::Identity();
     std::vector<PointId> points;  // per keypoint of the keyframe
   };
 
-  Loop detect(const Map& map, const PlaceIndex& index, KeyframeId id) const {
-    Loop none;
+  // Places that look like the keyframe and are not linked to it, most alike first.
+  std::vector<KeyframeId> find_candidates(const Map& map, const PlaceIndex& index,
+                                          KeyframeId id) const {
     const Keyframe& k = *map.keyframe(id);
     const std::vector<PlaceIndex::Vote> votes = index.query(place_descriptors(k));
     // Neighbors, and their neighbors: places that the map links already.
@@ -108,17 +117,24 @@ class LoopClosing {
       if (k.covisible.count(v.place)) best_neighbor = std::max(best_neighbor, v.votes);
     const int needed =
         std::max(settings_.min_votes, static_cast<int>(settings_.min_vote_share * best_neighbor));
-    int tried = 0;
+    std::vector<KeyframeId> candidates;
     for (const PlaceIndex::Vote& v : votes) {
-      if (v.votes < needed || tried == 3) break;
-      if (linked.count(v.place) || !map.keyframe(v.place)) continue;
-      ++tried;
-      TrackedFrame f(k.frame);
-      if (find_pose_at_place(optics_, map, v.place, settings_.min_inliers, f) == 0) continue;
-      if (!neighbors_agree(map, k, v.place, f.T_camera_world)) continue;
-      return {v.place, f.T_camera_world, f.points};
+      if (v.votes < needed || candidates.size() == 3) break;
+      if (!linked.count(v.place) && map.keyframe(v.place)) candidates.push_back(v.place);
     }
-    return none;
+    return candidates;
+  }
+
+  // The loop from the keyframe to the place, if its points and its neighbors agree. Either keyframe
+  // may have been culled meanwhile.
+  Loop confirm(const Map& map, KeyframeId id, KeyframeId place) const {
+    const Keyframe* k = map.keyframe(id);
+    if (!k || !map.keyframe(place)) return {};
+    TrackedFrame f(k->frame);
+    if (find_pose_at_place(optics_, map, place, settings_.min_inliers, f) == 0 ||
+        !neighbors_agree(map, *k, place, f.T_camera_world))
+      return {};
+    return {place, f.T_camera_world, f.points};
   }
 
   // Moved along with the keyframe, its neighbors must find the place's points too.
