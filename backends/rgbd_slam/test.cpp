@@ -155,6 +155,35 @@ TEST(PoseOptimizer, DropsADepthThatDisagreesButKeepsThePixel) {
   EXPECT_FALSE(observations[1].depth_inlier);
 }
 
+TEST(PoseOptimizer, SaysHowBadlyAPoseFits) {
+  const Camera camera = test_scene::camera();
+  const Eigen::Isometry3d truth = some_pose();
+  const NoiseModel noise;
+  auto observations = observations_of(camera, truth, 60);
+  EXPECT_NEAR(pose_misfit(camera, noise, observations, truth), 0, 1e-6);
+  observations[0].pixel.x() += 2;  // two standard deviations, without a depth
+  EXPECT_NEAR(pose_misfit(camera, noise, observations, truth), 4, 1e-6);
+  observations[1].pixel.x() += 1000;
+  EXPECT_NEAR(pose_misfit(camera, noise, observations, truth), 4 + kPixelChi2, 1e-6) << "no more";
+  observations[2].inverse_depth += noise.sigma_inverse_depth_per_m;
+  EXPECT_NEAR(pose_misfit(camera, noise, observations, truth), 5 + kPixelChi2, 1e-6);
+  const Eigen::Isometry3d behind = Eigen::Translation3d(0, 0, -100) * truth;
+  EXPECT_NEAR(pose_misfit(camera, noise, observations, behind), 60 * kPixelChi2, 1e-6);
+}
+
+// A third moves as one, a little: all agree on a pose between, but not well.
+TEST(PoseOptimizer, FitsTheStaticWorldBetterThanACompromise) {
+  const Camera camera = test_scene::camera();
+  const Eigen::Isometry3d truth = some_pose();
+  auto observations = observations_of(camera, truth, 90);
+  for (PoseObservation& o : observations) o.inverse_depth = 0;
+  for (std::size_t i = 0; i < 30; ++i) observations[i].pixel.x() += 3.2;
+  Eigen::Isometry3d between = Eigen::AngleAxisd(1.1 / camera.fx, Eigen::Vector3d::UnitY()) * truth;
+  EXPECT_GE(optimize_pose(camera, NoiseModel(), observations, between), 85);
+  EXPECT_GT(pose_misfit(camera, NoiseModel(), observations, between),
+            1.1 * pose_misfit(camera, NoiseModel(), observations, truth));
+}
+
 TEST(PnpRansac, FindsThePoseWithoutAGuess) {
   const Camera camera = test_scene::camera();
   const Eigen::Isometry3d truth = some_pose();

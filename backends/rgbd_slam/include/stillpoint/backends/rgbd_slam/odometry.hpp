@@ -216,12 +216,16 @@ class RgbdOdometry final : public Tracker {
     const std::vector<int> matched = matched_;
     const std::optional<Eigen::Isometry3d> fitted = optimize(observations, T);
     if (fitted && stats_.inliers >= 0.8 * static_cast<double>(observations.size())) return fitted;
-    // It may be a compromise with people whom no mask covers: most agreement wins.
+    // It may be a compromise with people whom no mask covers. Those of the static world fit well.
     std::optional<Eigen::Isometry3d> other =
-        solve_pnp_ransac(camera_, settings_.noise, observations, settings_.min_inliers, 300, 1.0);
+        solve_pnp_ransac(camera_, settings_.noise, observations, settings_.min_inliers, 300, 0.5);
     if (!other) return fitted;
     const int agreeing = optimize_pose(camera_, settings_.noise, observations, *other, 4);
-    if (agreeing < settings_.min_inliers || (fitted && agreeing <= stats_.inliers)) return fitted;
+    const auto misfit = [&](const Eigen::Isometry3d& pose) {
+      return pose_misfit(camera_, settings_.noise, observations, pose);
+    };
+    if (agreeing < settings_.min_inliers || (fitted && misfit(*other) >= misfit(*fitted)))
+      return fitted;
     stats_.inliers = agreeing;
     for (const PoseObservation& o : observations) {
       const auto k = static_cast<std::size_t>(o.index);

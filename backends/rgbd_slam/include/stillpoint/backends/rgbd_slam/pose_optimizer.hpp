@@ -4,6 +4,7 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Core>
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <vector>
@@ -58,6 +59,31 @@ inline Eigen::Isometry3d se3_exp(const Eigen::Matrix<double, 6, 1>& x) {
   return T;
 }
 
+/// Errors at 95 % of a chi-square distribution: of a pixel (two numbers) and of a depth (one).
+inline constexpr double kPixelChi2 = 5.991, kDepthChi2 = 3.841;
+
+/// How badly observations fit a pose: the sum of their squared errors in standard deviations, of
+/// which each counts kPixelChi2 at most. Tells the pose of the static world from a compromise
+/// with what moves, which more observations may agree on, but none well. O(n).
+inline double pose_misfit(const Camera& camera, const NoiseModel& noise,
+                          const std::vector<PoseObservation>& observations,
+                          const Eigen::Isometry3d& T_camera_world) {
+  double sum = 0;
+  for (const PoseObservation& o : observations) {
+    const Eigen::Vector3d p = T_camera_world * o.point;
+    double chi2 = kPixelChi2;
+    if (p.z() > 0.05) {
+      chi2 = (camera.project(p) - o.pixel).squaredNorm() / (o.sigma_px * o.sigma_px);
+      if (o.inverse_depth > 0) {
+        const double depth = (1 / p.z() - o.inverse_depth) / noise.sigma_inverse_depth_per_m;
+        chi2 += std::min(kDepthChi2, depth * depth);
+      }
+    }
+    sum += std::min(kPixelChi2, chi2);
+  }
+  return sum;
+}
+
 /// Refines T_camera_world on observations with Huber losses on pixel and inverse depth.
 ///
 /// Levenberg-Marquardt on six unknowns with exact derivatives, in four rounds; after each, what
@@ -71,7 +97,6 @@ inline int optimize_pose(const Camera& camera, const NoiseModel& noise,
                          Eigen::Isometry3d& T_camera_world, double start_gate = 0) {
   using Vector6 = Eigen::Matrix<double, 6, 1>;
   using Matrix6 = Eigen::Matrix<double, 6, 6>;
-  constexpr double kPixelChi2 = 5.991, kDepthChi2 = 3.841;
   const double depth_weight =
       1 / (noise.sigma_inverse_depth_per_m * noise.sigma_inverse_depth_per_m);
   const auto rho = [](double chi2, double limit) {
