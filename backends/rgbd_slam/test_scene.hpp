@@ -92,6 +92,17 @@ inline Eigen::Isometry3d path(int step) {
   return T;
 }
 
+// What the camera sees at path(2 step), behind what moves as one and fills two fifths of the
+// picture.
+inline stillpoint::RgbdFrame render_with_mover(int step) {
+  const Eigen::Isometry3d T = path(2 * step);
+  stillpoint::RgbdFrame frame = render(T, step / 15.0);
+  Eigen::Isometry3d moved = T;
+  moved.pretranslate(Eigen::Vector3d(0.03, 0, 0.01) * step);
+  cover_left(frame, frame.color.cols * 2 / 5, moved);
+  return frame;
+}
+
 inline stillpoint::Selection keep_all(std::size_t n) {
   stillpoint::Selection s;
   s.probability.assign(n, 0.0f);

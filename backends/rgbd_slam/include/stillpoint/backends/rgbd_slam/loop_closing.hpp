@@ -53,9 +53,10 @@ class LoopClosing {
     {
       const std::lock_guard<FairMutex> guard(lock);
       if (!map.keyframe(id)) return false;
+      const std::vector<Descriptor> descriptors = place_descriptors(*map.keyframe(id));
       if (settings_.enabled && id - last_loop_ >= settings_.min_gap)
-        candidates = find_candidates(map, index, id);
-      index.add(id, place_descriptors(*map.keyframe(id)));
+        candidates = find_candidates(map, index.query(descriptors), id);
+      index.add(id, descriptors);
     }
     Loop loop;
     for (const KeyframeId place : candidates) {
@@ -102,10 +103,10 @@ class LoopClosing {
   };
 
   // Places that look like the keyframe and are not linked to it, most alike first.
-  std::vector<KeyframeId> find_candidates(const Map& map, const PlaceIndex& index,
+  std::vector<KeyframeId> find_candidates(const Map& map,
+                                          const std::vector<PlaceIndex::Vote>& votes,
                                           KeyframeId id) const {
     const Keyframe& k = *map.keyframe(id);
-    const std::vector<PlaceIndex::Vote> votes = index.query(place_descriptors(k));
     // Neighbors, and their neighbors: places that the map links already.
     std::set<KeyframeId> linked{id};
     int best_neighbor = 0;

@@ -38,6 +38,10 @@ struct NoiseModel {
   /// Of 1/depth, which is even over the range for a structured-light or stereo camera:
   /// sigma(z) = z^2 times this.
   double sigma_inverse_depth_per_m = 0.004;
+
+  double depth_weight() const {
+    return 1 / (sigma_inverse_depth_per_m * sigma_inverse_depth_per_m);
+  }
 };
 
 /// Exponential of a twist (translation, rotation).
@@ -62,6 +66,29 @@ inline Eigen::Isometry3d se3_exp(const Eigen::Matrix<double, 6, 1>& x) {
 /// Errors at 95 % of a chi-square distribution: of a pixel (two numbers) and of a depth (one).
 inline constexpr double kPixelChi2 = 5.991, kDepthChi2 = 3.841;
 
+/// How far an observation is from a pose. `p`: in camera coordinates; the others only if `front`.
+struct PoseErrors {
+  double pixel_chi2, depth_chi2;
+  Eigen::Vector2d pixel;
+  double depth;
+  Eigen::Vector3d p;
+  bool front;
+};
+
+/// `depth_weight`: 1 / variance of the inverse depth.
+inline PoseErrors pose_errors(const Camera& camera, double depth_weight, const PoseObservation& o,
+                              const Eigen::Isometry3d& T_camera_world) {
+  PoseErrors e;
+  e.p = T_camera_world * o.point;
+  e.front = e.p.z() > 0.05;
+  if (!e.front) return e;
+  e.pixel = camera.project(e.p) - o.pixel;
+  e.pixel_chi2 = e.pixel.squaredNorm() / (o.sigma_px * o.sigma_px);
+  e.depth = o.inverse_depth > 0 ? 1 / e.p.z() - o.inverse_depth : 0;
+  e.depth_chi2 = e.depth * e.depth * depth_weight;
+  return e;
+}
+
 /// How badly observations fit a pose: the sum of their squared errors in standard deviations, of
 /// which each counts kPixelChi2 at most. Tells the pose of the static world from a compromise
 /// with what moves, which more observations may agree on, but none well. O(n).
@@ -70,16 +97,9 @@ inline double pose_misfit(const Camera& camera, const NoiseModel& noise,
                           const Eigen::Isometry3d& T_camera_world) {
   double sum = 0;
   for (const PoseObservation& o : observations) {
-    const Eigen::Vector3d p = T_camera_world * o.point;
-    double chi2 = kPixelChi2;
-    if (p.z() > 0.05) {
-      chi2 = (camera.project(p) - o.pixel).squaredNorm() / (o.sigma_px * o.sigma_px);
-      if (o.inverse_depth > 0) {
-        const double depth = (1 / p.z() - o.inverse_depth) / noise.sigma_inverse_depth_per_m;
-        chi2 += std::min(kDepthChi2, depth * depth);
-      }
-    }
-    sum += std::min(kPixelChi2, chi2);
+    const PoseErrors e = pose_errors(camera, noise.depth_weight(), o, T_camera_world);
+    sum += e.front ? std::min(kPixelChi2, e.pixel_chi2 + std::min(kDepthChi2, e.depth_chi2))
+                   : kPixelChi2;
   }
   return sum;
 }
@@ -97,31 +117,16 @@ inline int optimize_pose(const Camera& camera, const NoiseModel& noise,
                          Eigen::Isometry3d& T_camera_world, double start_gate = 0) {
   using Vector6 = Eigen::Matrix<double, 6, 1>;
   using Matrix6 = Eigen::Matrix<double, 6, 6>;
-  const double depth_weight =
-      1 / (noise.sigma_inverse_depth_per_m * noise.sigma_inverse_depth_per_m);
+  const double depth_weight = noise.depth_weight();
   const auto rho = [](double chi2, double limit) {
     return chi2 <= limit ? chi2 : 2 * std::sqrt(chi2 * limit) - limit;
   };
   const auto weight = [](double chi2, double limit) {
     return chi2 <= limit ? 1.0 : std::sqrt(limit / chi2);
   };
-  struct Errors {
-    double pixel_chi2, depth_chi2;
-    Eigen::Vector2d pixel;
-    double depth;
-    Eigen::Vector3d p;
-    bool front;
-  };
+  using Errors = PoseErrors;
   const auto errors_of = [&](const PoseObservation& o, const Eigen::Isometry3d& T) {
-    Errors e;
-    e.p = T * o.point;
-    e.front = e.p.z() > 0.05;
-    if (!e.front) return e;
-    e.pixel = camera.project(e.p) - o.pixel;
-    e.pixel_chi2 = e.pixel.squaredNorm() / (o.sigma_px * o.sigma_px);
-    e.depth = o.inverse_depth > 0 ? 1 / e.p.z() - o.inverse_depth : 0;
-    e.depth_chi2 = e.depth * e.depth * depth_weight;
-    return e;
+    return pose_errors(camera, depth_weight, o, T);
   };
   const auto total_cost = [&](const Eigen::Isometry3d& T, bool robust) {
     double cost = 0;
