@@ -39,6 +39,7 @@ struct NoiseModel {
   /// sigma(z) = z^2 times this.
   double sigma_inverse_depth_per_m = 0.004;
 
+  /// 1 / variance of 1/depth.
   double depth_weight() const {
     return 1 / (sigma_inverse_depth_per_m * sigma_inverse_depth_per_m);
   }
