@@ -233,10 +233,13 @@ class BasicFrontEnd {
     if (movers) dynamic_.instances.insert(dynamic_.instances.end(), movers->begin(), movers->end());
     const Segmentation* instances = &dynamic_;  // the segmenter's and the movers
     SegmentationCompensator::ClearStatic clear_static;
-    if (settings_.use_motion)
+    KnownStatic known_static;
+    if (settings_.use_motion) {
       clear_static = [this](const cv::Rect& area, cv::Mat& mask, bool wide_only) {
         motion_.clear_static(area, mask, wide_only);
       };
+      known_static = [this](const cv::Point& pixel) { return motion_.known_static(pixel); };
+    }
     if (settings_.use_compensation)
       instances = &compensator_.mend(frame, dynamic_, T, &blur, clear_static);
     else
@@ -244,8 +247,8 @@ class BasicFrontEnd {
     stats_.compensation_ms = milliseconds_since(start);
 
     start = Clock::now();
-    const DynamicMask& fused =
-        fuser_.fuse(frame, *instances, settings_.use_depth, settings_.late.widening_px(age_s()), T);
+    const DynamicMask& fused = fuser_.fuse(frame, *instances, settings_.use_depth,
+                                           settings_.late.widening_px(age_s()), T, known_static);
     if (settings_.use_compensation)
       compensator_.remember(
           frame, settings_.compensation.use_depth ? fuser_.instances() : instances->instances);

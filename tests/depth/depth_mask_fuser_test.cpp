@@ -288,6 +288,32 @@ TEST(DepthMaskFuser, DoesNotJoinWhatStandsApart) {
   EXPECT_GT(score(out, person_mask()).precision, 0.95);
 }
 
+// A bench that the person touches is as deep as he is: only what was there before tells them apart
+// (but for the cells right beside him).
+TEST(DepthMaskFuser, LeavesOutWhatIsKnownToBeStatic) {
+  const Figure bench{{kPerson.box.x + kPerson.box.width, 150, 60, 50}, 3.2f, 2};
+  const FlatScene scene = room();
+  Instance bare;
+  bare.class_name = "person";
+  bare.box = kPerson.box | bench.box;
+  Instance nameless = box_instance(kPerson.box, scene.size, "");
+  const auto on_bench = [&](const Instance& s, const KnownStatic& known_static) {
+    DepthMaskFuser fuser({}, scene.camera());
+    fuser.fuse(scene.frame(0, {kPerson, bench}), result({s}), true, 0, std::nullopt, known_static);
+    EXPECT_GT(score(fuser.undilated(), person_mask()).recall, 0.95);
+    return pixels(fuser.undilated()(bench.box)) / static_cast<double>(bench.box.area());
+  };
+  const KnownStatic is_bench = [&](const cv::Point& p) { return bench.box.contains(p); };
+  for (const Instance& s : {box_instance(kPerson.box, scene.size), bare, nameless}) {
+    const bool believed = !s.class_name.empty();
+    EXPECT_GT(on_bench(s, nullptr), 0.3);
+    if (believed)
+      EXPECT_LT(on_bench(s, is_bench), 0.15) << (s.mask.empty() ? "bare box" : "mask");
+    else
+      EXPECT_GT(on_bench(s, is_bench), 0.3) << "found by its motion";
+  }
+}
+
 TEST(DepthMaskFuser, CarvesThePersonOutOfABareBox) {
   Instance bare;
   bare.box = cv::Rect(kPerson.box.x - 12, kPerson.box.y - 8, kPerson.box.width + 24,

@@ -72,6 +72,7 @@ struct Outcome {
   double found = 0, outside = 0;                // of the last frame
   double static_inside = 0, static_around = 0;  // what it clears: shares of the box, of the rest
   cv::Mat cleared, cleared_wide;                // the same: 255; what is wide only
+  cv::Mat known_static;                         // asked pixel by pixel: 255
   int frames_with_finds = 0;
 };
 
@@ -105,6 +106,10 @@ Outcome drive(const Eigen::Vector3d& box_speed_m_s, double turn_deg_s, int frame
     cv::Mat left(kHeight, kWidth, CV_8UC1, cv::Scalar(255));
     check.clear_static(standing.box, left, true);
     cv::bitwise_not(left, result.cleared_wide);
+    result.known_static = cv::Mat::zeros(kHeight, kWidth, CV_8UC1);
+    for (int y = 0; y < kHeight; ++y)
+      for (int x = 0; x < kWidth; ++x)
+        if (check.known_static({x, y})) result.known_static.at<uchar>(y, x) = 255;
     result.static_inside = share_of_box({standing}, box, pose, size_m, &result.static_around);
     cv::Mat dynamic = cv::Mat::zeros(kHeight, kWidth, CV_8UC1);
     for (const Instance& s : found) dynamic(s.box).setTo(255, s.mask);
@@ -127,6 +132,7 @@ TEST(MotionCheck, TellsWideStaticSurfacesFromThinOnes) {
   const Outcome r = drive({0.5, 0, 0}, 0, 25);
   EXPECT_EQ(cv::countNonZero(r.cleared_wide & ~r.cleared), 0);
   EXPECT_GT(cv::countNonZero(r.cleared_wide), 0.9 * cv::countNonZero(r.cleared));
+  EXPECT_EQ(cv::countNonZero(r.known_static != r.cleared_wide), 0);
   // Opened by a cross of cells 4 pixels wide; what lies beyond the picture may be static.
   const cv::Mat cross = cv::getStructuringElement(cv::MORPH_CROSS, {3, 3});
   cv::Mat cells, opened;

@@ -52,10 +52,13 @@ class DepthMaskFuser {
   /// instances' masks (of their boxes, where they have none), and status() says kNoDepth. Throws
   /// Error if instances do not fit the picture. Strongly blurred instances are dilated more;
   /// `widening_px` is added to all. `T_current_last` maps points of the last frame's camera into
-  /// this one's, if it is known: it keeps the floor in mind where people hide it.
+  /// this one's, if it is known: it keeps the floor in mind where people hide it. An object
+  /// with a name does not grow into what is `known_static` (MotionCheck::known_static()), and finds
+  /// nothing of itself there if it is a bare box.
   const DynamicMask& fuse(const RgbdFrame& frame, const Segmentation& segmentation,
                           bool use_depth = true, int widening_px = 0,
-                          const std::optional<Eigen::Isometry3d>& T_current_last = std::nullopt) {
+                          const std::optional<Eigen::Isometry3d>& T_current_last = std::nullopt,
+                          const KnownStatic& known_static = nullptr) {
     check_frame(frame);
     const cv::Size size = frame.color.size();
     check_segmentation(segmentation, size);
@@ -76,7 +79,8 @@ class DepthMaskFuser {
     cv::Rect region;
     for (std::size_t i = 0; i < n; ++i) {
       if (has_depth) {
-        region_.fuse(depth_, segmentation.instances[i], buffers_[i], fused_[i], union_);
+        region_.fuse(depth_, segmentation.instances[i], known_static, buffers_[i], fused_[i],
+                     union_);
       } else {
         fused_[i] = segmentation.instances[i];
         union_.add(fused_[i].mask, fused_[i].box);

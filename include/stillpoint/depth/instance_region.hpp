@@ -62,8 +62,8 @@ class InstanceRegion {
 
   /// Writes the instance's region: `out.box` may cover more than the instance's box, `out.mask` has
   /// its size and lies in `buffer`, which outlives it. ORs it into `all`, of the picture's size.
-  void fuse(const DepthView& depth, const Instance& instance, std::vector<uchar>& buffer,
-            Instance& out, detail::BitMask& all) {
+  void fuse(const DepthView& depth, const Instance& instance, const KnownStatic& known_static,
+            std::vector<uchar>& buffer, Instance& out, detail::BitMask& all) {
     out.class_name = instance.class_name;
     out.score = instance.score;
     out.predicted = instance.predicted;
@@ -77,7 +77,7 @@ class InstanceRegion {
         !paper && ranges_.find_on_mask(depth, samples_, instance, given_, range_);
     area_ = instance.box;
     if (connected) {
-      cells_.grow(depth, samples_, floor_, ranges_, range_, instance, settings_);
+      cells_.grow(depth, samples_, floor_, ranges_, range_, instance, settings_, known_static);
       const int cell = settings_.cell_px;
       const cv::Rect used = cells_.used();
       area_ = cv::Rect(used.x * cell, used.y * cell, used.width * cell, used.height * cell) &

@@ -160,6 +160,14 @@ class MotionCheck {
     }
   }
 
+  /// Whether the last find() saw at a pixel of its frame a surface, three cells wide or more, that
+  /// earlier frames had seen there and not taken for dynamic. O(1).
+  bool known_static(const cv::Point& pixel) const {
+    const int x = pixel.x / block_, y = pixel.y / block_;
+    return judged_ && x < current_.width && y < current_.height &&
+           wide_standing_[bordered(x, y)] != 0;
+  }
+
   /// The camera's motion to the last frame of find() as it was used there: the frames' own, or the
   /// host's where they show too little. Empty: neither.
   const std::optional<Eigen::Isometry3d>& motion() const { return motion_; }
