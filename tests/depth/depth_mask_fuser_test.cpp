@@ -314,6 +314,28 @@ TEST(DepthMaskFuser, LeavesOutWhatIsKnownToBeStatic) {
   }
 }
 
+// A table before the person is nearer and larger than what is seen of him.
+TEST(DepthMaskFuser, TakesThePersonBehindWhatIsKnownToBeStatic) {
+  const FlatScene scene = room();
+  const Figure table{{kPerson.box.x - 12, 120, kPerson.box.width + 24, 98}, 2.2f, 2};
+  const cv::Rect seen(kPerson.box.x, kPerson.box.y, kPerson.box.width, 120 - kPerson.box.y);
+  Instance bare;
+  bare.class_name = "person";
+  bare.box = kPerson.box;
+  const auto find = [&](const KnownStatic& known_static) {
+    DepthMaskFuser fuser({}, scene.camera());
+    fuser.fuse(scene.frame(0, {kPerson, table}), result({bare}), true, 0, std::nullopt,
+               known_static);
+    return fuser.undilated().clone();
+  };
+  EXPECT_LT(pixels(find(nullptr)(seen)), 0.1 * seen.area()) << "nothing told them apart";
+  const cv::Mat found = find([&](const cv::Point& p) { return table.box.contains(p); });
+  EXPECT_GT(pixels(found(seen)), 0.97 * seen.area());
+  EXPECT_LT(pixels(found) - pixels(found(seen)), 0.1 * seen.area());
+  // All of the box stood there before: nothing in it moves.
+  EXPECT_EQ(pixels(find([](const cv::Point&) { return true; })), 0);
+}
+
 TEST(DepthMaskFuser, CarvesThePersonOutOfABareBox) {
   Instance bare;
   bare.box = cv::Rect(kPerson.box.x - 12, kPerson.box.y - 8, kPerson.box.width + 24,

@@ -73,11 +73,14 @@ class InstanceRegion {
       given_.reset(instance.box);
       given_.add(instance.mask, instance.box);
     }
+    // What has no name was found by its motion, the better evidence.
+    const KnownStatic* asked =
+        known_static && !instance.class_name.empty() ? &known_static : nullptr;
     const bool connected =
-        !paper && ranges_.find_on_mask(depth, samples_, instance, given_, range_);
+        !paper && ranges_.find_on_mask(depth, samples_, instance, given_, asked, range_);
     area_ = instance.box;
     if (connected) {
-      cells_.grow(depth, samples_, floor_, ranges_, range_, instance, settings_, known_static);
+      cells_.grow(depth, samples_, floor_, ranges_, range_, instance, settings_, asked);
       const int cell = settings_.cell_px;
       const cv::Rect used = cells_.used();
       area_ = cv::Rect(used.x * cell, used.y * cell, used.width * cell, used.height * cell) &

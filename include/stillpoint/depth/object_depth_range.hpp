@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <functional>
 #include <opencv2/core.hpp>
 #include <vector>
 
@@ -14,6 +15,9 @@
 #include "stillpoint/depth/stratified_samples.hpp"
 
 namespace stillpoint {
+
+/// Whether what a frame shows at a pixel is known to be static (MotionCheck::known_static()).
+using KnownStatic = std::function<bool(const cv::Point& pixel)>;
 
 /// The depths that an object takes, metres: the "human value range" of paper section 3.2.
 struct DepthRange {
@@ -53,11 +57,13 @@ class ObjectDepthRange {
 
   /// The default: the samples on the instance's own mask; of their histogram's modes the one where
   /// the object is expected, else the nearest that matters, and what hangs together with it. False
-  /// if too few samples have depth. `mask`: the instance's, unless it is a bare box. O(samples in
+  /// if too few samples have depth. `mask`: the instance's, unless it is a bare box; what is
+  /// `known_static` (if given) in one counts only if hardly anything else is there. O(samples in
   /// the box).
   bool find_on_mask(const DepthView& depth, const StratifiedSamples& samples,
-                    const Instance& instance, const detail::BitMask& mask, DepthRange& range) {
-    if (!fill_histogram(depth, samples, instance, mask)) return false;
+                    const Instance& instance, const detail::BitMask& mask,
+                    const KnownStatic* known_static, DepthRange& range) {
+    if (!fill_histogram(depth, samples, instance, mask, known_static)) return false;
     const int peak = main_mode(instance.depth_m);
     const int enough = std::max(1, smooth(peak) / 25);
     int lo = peak, hi = peak;
@@ -71,7 +77,8 @@ class ObjectDepthRange {
   }
 
   /// The samples that find_on_mask() looked at, in units: one for each of the cells that the box
-  /// touches, row by row; 0 where the sample is not on the mask or has no depth.
+  /// touches, row by row; 0 where the sample is not on the mask, has no depth or, in a bare box, is
+  /// known to be static.
   const std::uint16_t* samples_on_mask() const { return samples_.data(); }
 
  private:
@@ -81,7 +88,8 @@ class ObjectDepthRange {
   static constexpr float kReachM = 0.7f;  // a person's arm
 
   bool fill_histogram(const DepthView& depth, const StratifiedSamples& samples,
-                      const Instance& instance, const detail::BitMask& bits) {
+                      const Instance& instance, const detail::BitMask& bits,
+                      const KnownStatic* known_static) {
     histogram_.fill(0);
     total_ = 0;
     const cv::Rect& box = instance.box;
@@ -125,20 +133,32 @@ class ObjectDepthRange {
     if (!bare) {
       measured = count_bins(n, to_bin);
       total_ = measured;
-      return measured >= 6 && measured * 5 >= on_mask;
+      return enough_of(measured, on_mask);
     }
+    std::array<int, kBins> of_static{};
+    int standing = 0;
     sample = samples_.data();
     for (int cy = cells.y; cy < cells.y + cells.height; ++cy)
       for (int cx = cells.x; cx < cells.x + cells.width; ++cx, ++sample) {
         if (*sample == 0) continue;
-        ++measured;
+        const cv::Point p = samples.place(cx, cy, depth.size());
+        const std::size_t bin =
+            std::min(kBins - std::size_t{1}, static_cast<std::size_t>(*sample * to_bin));
         // In a bare box the person is in the middle columns.
-        const int x = samples.place(cx, cy, depth.size()).x - box.x;
-        const int weight = 8 * std::abs(2 * x - box.width) < 3 * box.width ? 4 : 1;
-        total_ += weight;
-        const int bin = std::min(kBins - 1, static_cast<int>(*sample * to_bin));
-        histogram_[static_cast<std::size_t>(bin)] += weight;
+        const int weight = 8 * std::abs(2 * (p.x - box.x) - box.width) < 3 * box.width ? 4 : 1;
+        if (known_static && (*known_static)(p)) {
+          ++standing, of_static[bin] += weight, *sample = 0;
+        } else {
+          ++measured, total_ += weight, histogram_[bin] += weight;
+        }
       }
+    if (enough_of(measured, on_mask - standing)) return true;
+    for (std::size_t b = 0; b < histogram_.size(); ++b)
+      histogram_[b] += of_static[b], total_ += of_static[b];
+    return enough_of(measured + standing, on_mask);
+  }
+
+  static bool enough_of(int measured, int on_mask) {
     return measured >= 6 && measured * 5 >= on_mask;
   }
 

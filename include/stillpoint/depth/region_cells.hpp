@@ -6,7 +6,6 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <functional>
 #include <opencv2/core.hpp>
 #include <vector>
 
@@ -23,24 +22,21 @@
 
 namespace stillpoint {
 
-/// Whether what a frame shows at a pixel is known to be static (MotionCheck::known_static()).
-using KnownStatic = std::function<bool(const cv::Point& pixel)>;
-
 /// An object's region on cells with one depth sample each: those on its mask in its depth range are
 /// the core, and the core grows over connected depth, but not into the floor, nor into what is
-/// known to be static; of a bare box that is no part at all. (An object without a name was found by
-/// its motion, the better evidence: it is not asked there.)
+/// known to be static.
 class RegionCells {
  public:
   /// Grows the region of an instance whose mask's samples and range `ranges` has just found.
-  /// O(cells of the box and of what it grows over).
+  /// `known_static`, if given, is asked where it grows. O(cells of the box and of what it grows
+  /// over).
   void grow(const DepthView& depth, const StratifiedSamples& samples, const InversePlane& floor,
             const ObjectDepthRange& ranges, const DepthRange& range, const Instance& instance,
-            const DepthMaskFuserSettings& settings, const KnownStatic& known_static) {
+            const DepthMaskFuserSettings& settings, const KnownStatic* known_static) {
     const int cell = settings.cell_px;
     const cv::Rect& box = instance.box;
     const bool bare = instance.mask.empty();
-    known_static_ = known_static && !instance.class_name.empty() ? &known_static : nullptr;
+    known_static_ = known_static;
     const float cells_per_m = depth.focal_px() / range.middle_m / static_cast<float>(cell);
     const int reach = std::max(1, static_cast<int>(settings.growth_m * cells_per_m + 0.5f));
     const int slack =
@@ -56,7 +52,6 @@ class RegionCells {
                   kUnknown);
     used_ = samples.cells_of(box) - cells_.tl();
     seed_core(depth, samples, floor, ranges, range);
-    if (bare && known_static_) drop_static(depth, samples);
     if (!bare) keep_parts(depth, samples, floor, ranges.samples_on_mask(), slack);
     queue_border();
     spread(depth, samples, floor, range, settings.range_m, reach);
@@ -149,15 +144,6 @@ class RegionCells {
           state_[j] = kOutside;
       }
     }
-  }
-
-  // A mask was looked through before (SegmentationCompensator::mend()); a bare box was not.
-  void drop_static(const DepthView& depth, const StratifiedSamples& samples) {
-    for (int y = used_.y; y < used_.y + used_.height; ++y)
-      for (int x = used_.x; x < used_.x + used_.width; ++x)
-        if (std::uint8_t& state = state_[index(x, y)];
-            state == kRegion && (*known_static_)(place(samples, depth, x, y)))
-          state = kOutside;
   }
 
   static void seed_row(const std::uint16_t* STILLPOINT_RESTRICT sample, std::size_t n,
