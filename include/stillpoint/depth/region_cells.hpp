@@ -36,7 +36,6 @@ class RegionCells {
     const int cell = settings.cell_px;
     const cv::Rect& box = instance.box;
     const bool bare = instance.mask.empty();
-    known_static_ = known_static;
     const float cells_per_m = depth.focal_px() / range.middle_m / static_cast<float>(cell);
     const int reach = std::max(1, static_cast<int>(settings.growth_m * cells_per_m + 0.5f));
     const int slack =
@@ -54,7 +53,7 @@ class RegionCells {
     seed_core(depth, samples, floor, ranges, range);
     if (!bare) keep_parts(depth, samples, floor, ranges.samples_on_mask(), slack);
     queue_border();
-    spread(depth, samples, floor, range, settings.range_m, reach);
+    spread(depth, samples, floor, range, settings.range_m, reach, known_static);
     // One cell more: pixels of the region lie in the cells around it, too.
     used_ = cv::Rect(used_.x - 1, used_.y - 1, used_.width + 2, used_.height + 2) &
             cv::Rect(0, 0, cells_.width, cells_.height);
@@ -314,7 +313,7 @@ class RegionCells {
 
   // Breadth first over cells whose depth goes on without a step.
   void spread(const DepthView& depth, const StratifiedSamples& samples, const InversePlane& floor,
-              const DepthRange& range, float range_m, int reach) {
+              const DepthRange& range, float range_m, int reach, const KnownStatic* known_static) {
     const float lo = range.lo_m - range_m, hi = range.hi_m + range_m;
     int x0 = used_.x, y0 = used_.y, x1 = used_.x + used_.width, y1 = used_.y + used_.height;
     for (std::size_t k = 0; k < queue_.size(); ++k) {
@@ -331,10 +330,10 @@ class RegionCells {
           const cv::Point p = place(samples, depth, x, y);
           z_[j] = depth.to_m(depth.row(p.y)[p.x]);
           const bool in_range = z_[j] > 0 && z_[j] >= lo && z_[j] <= hi;
-          state_[j] = in_range && !is_floor(depth, floor, p, z_[j]) &&
-                              !(known_static_ && (*known_static_)(p))
-                          ? kOpen
-                          : kOutside;
+          state_[j] =
+              in_range && !is_floor(depth, floor, p, z_[j]) && !(known_static && (*known_static)(p))
+                  ? kOpen
+                  : kOutside;
         }
         if (state_[j] != kOpen || std::abs(z_[j] - z) > step) continue;
         state_[j] = kRegion;
@@ -401,7 +400,6 @@ class RegionCells {
   std::array<std::vector<std::uint64_t>, 3> bits_;
   Row part_;
   int row_ = -2;
-  const KnownStatic* known_static_ = nullptr;  // within grow(), if it is to be asked
 };
 
 }  // namespace stillpoint
