@@ -625,6 +625,15 @@ TEST(SlamSystem, ThreadsGiveTheSameWithinNoise) {
   EXPECT_LT(worst_error(slam.trajectory(), sway), 0.03);
 }
 
+TEST(SlamSystem, NeverWritesIntoTheCallersImage) {
+  for (const bool threaded : {false, true}) {
+    SlamSystem::Settings settings = small_settings();
+    settings.threaded = threaded;
+    SlamSystem slam(test_scene::camera(), settings);
+    test_scene::expect_images_untouched(slam);
+  }
+}
+
 TEST(SlamSystem, RefusesASelectionOfOtherKeypoints) {
   SlamSystem slam(test_scene::camera(), small_settings());
   const RgbdFrame frame = test_scene::render(test_scene::path(0), 0);

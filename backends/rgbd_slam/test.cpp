@@ -335,6 +335,12 @@ TEST(RgbdOdometry, IsDeterministic) {
   }
 }
 
+// A grey image must not become the memory that the next color image is converted into.
+TEST(RgbdOdometry, NeverWritesIntoTheCallersImage) {
+  RgbdOdometry tracker(test_scene::camera(), small_settings());
+  test_scene::expect_images_untouched(tracker);
+}
+
 TEST(RgbdOdometry, RefusesASelectionOfOtherKeypoints) {
   RgbdOdometry tracker(test_scene::camera(), small_settings());
   const RgbdFrame frame = test_scene::render(test_scene::path(0), 0);

@@ -2,16 +2,21 @@
 // A textured box room for the tests of this back end: exact poses, exact depth, no file.
 #pragma once
 
+#include <gtest/gtest.h>
+
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <limits>
 #include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
+#include <vector>
 
 #include "stillpoint/core/camera.hpp"
 #include "stillpoint/core/frame.hpp"
 #include "stillpoint/core/selection.hpp"
+#include "stillpoint/tracking/tracker.hpp"
 
 namespace test_scene {
 
@@ -109,6 +114,25 @@ inline stillpoint::Selection keep_all(std::size_t n) {
   s.reason.assign(n, stillpoint::KeypointReason::kStatic);
   for (std::size_t i = 0; i < n; ++i) s.kept.push_back(static_cast<int>(i));
   return s;
+}
+
+// Grey frames and color ones in turn: what the tracker is given stays as it was.
+inline void expect_images_untouched(stillpoint::Tracker& tracker) {
+  std::vector<stillpoint::RgbdFrame> frames;
+  std::vector<cv::Mat> colors, depths;
+  for (int step = 0; step < 6; ++step) {
+    stillpoint::RgbdFrame frame = render(path(step), step / 30.0);
+    if (step % 2) cv::cvtColor(frame.color, frame.color, cv::COLOR_GRAY2BGR);
+    frames.push_back(frame);
+    colors.push_back(frame.color.clone()), depths.push_back(frame.depth.clone());
+    const std::size_t n = tracker.extract(frame, stillpoint::DynamicMask()).size();
+    EXPECT_TRUE(tracker.track(frame, stillpoint::DynamicMask(), keep_all(n))) << step;
+  }
+  tracker.finish();
+  for (std::size_t i = 0; i < frames.size(); ++i) {
+    EXPECT_EQ(cv::norm(frames[i].color, colors[i], cv::NORM_INF), 0) << i;
+    EXPECT_EQ(cv::norm(frames[i].depth, depths[i], cv::NORM_INF), 0) << i;
+  }
 }
 
 }  // namespace test_scene

@@ -9,7 +9,19 @@
 #include <opencv2/imgproc.hpp>
 #include <vector>
 
+#include "stillpoint/core/frame.hpp"
+
 namespace stillpoint::rgbd_slam {
+
+/// Makes the grey image of a frame in `gray`, whose memory is used again: a copy, also of a grey
+/// frame. Were that one shared, the next color frame would be converted into the caller's image,
+/// and what he draws into it between two calls would be tracked.
+inline void copy_gray(const RgbdFrame& frame, cv::Mat& gray) {
+  if (frame.color.channels() == 3)
+    cv::cvtColor(frame.color, gray, cv::COLOR_BGR2GRAY);
+  else
+    frame.color.copyTo(gray);
+}
 
 /// A grey picture and smaller ones of it. Pixel centres are at whole numbers on every level.
 class ImagePyramid {

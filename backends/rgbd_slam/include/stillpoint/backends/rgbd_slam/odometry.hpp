@@ -6,13 +6,13 @@
 #include <cmath>
 #include <cstddef>
 #include <memory>
-#include <opencv2/imgproc.hpp>
 #include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "stillpoint/backends/rgbd_slam/features.hpp"
+#include "stillpoint/backends/rgbd_slam/image_pyramid.hpp"
 #include "stillpoint/backends/rgbd_slam/keypoint_frame.hpp"
 #include "stillpoint/backends/rgbd_slam/matching.hpp"
 #include "stillpoint/backends/rgbd_slam/patch.hpp"
@@ -68,10 +68,7 @@ class RgbdOdometry final : public Tracker {
   const std::vector<cv::KeyPoint>& extract(const RgbdFrame& frame,
                                            const DynamicMask& mask) override {
     check_frame(frame);
-    if (frame.color.channels() == 3)
-      cv::cvtColor(frame.color, gray_, cv::COLOR_BGR2GRAY);
-    else
-      gray_ = frame.color;
+    copy_gray(frame, gray_);
     extractor_->extract(gray_, mask.image, features_);
     return features_.keypoints;
   }

@@ -6,7 +6,7 @@
 #include <cstddef>
 #include <memory>
 #include <mutex>
-#include <opencv2/imgproc.hpp>
+#include <opencv2/core.hpp>
 #include <optional>
 #include <string>
 #include <utility>
@@ -14,6 +14,7 @@
 
 #include "stillpoint/backends/rgbd_slam/fair_mutex.hpp"
 #include "stillpoint/backends/rgbd_slam/features.hpp"
+#include "stillpoint/backends/rgbd_slam/image_pyramid.hpp"
 #include "stillpoint/backends/rgbd_slam/local_mapping.hpp"
 #include "stillpoint/backends/rgbd_slam/loop_closing.hpp"
 #include "stillpoint/backends/rgbd_slam/map.hpp"
@@ -71,10 +72,7 @@ class SlamSystem final : public Tracker {
   const std::vector<cv::KeyPoint>& extract(const RgbdFrame& frame,
                                            const DynamicMask& mask) override {
     check_frame(frame);
-    if (frame.color.channels() == 3)
-      cv::cvtColor(frame.color, gray_, cv::COLOR_BGR2GRAY);
-    else
-      gray_ = frame.color;
+    copy_gray(frame, gray_);
     extractor_->extract(gray_, mask.image, features_);
     return features_.keypoints;
   }
