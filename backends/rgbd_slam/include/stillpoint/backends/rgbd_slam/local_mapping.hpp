@@ -23,7 +23,7 @@ namespace stillpoint::rgbd_slam {
 class LocalMapping {
  public:
   struct Settings {
-    /// Keyframes that are adjusted at once, and the iterations of it.
+    /// Keyframes that are adjusted at once (0: none), and the iterations of it.
     int bundle_keyframes = 12, bundle_iterations = 8;
     /// Neighbors that new points are triangulated with, and fused with.
     int triangulate_with = 6, fuse_with = 10;
@@ -123,7 +123,7 @@ class LocalMapping {
     BundleProblem bundle;
     {
       const std::lock_guard<FairMutex> guard(lock);
-      if (map.keyframe_count() < 2) return;
+      if (map.keyframe_count() < 2 || settings_.bundle_keyframes < 1) return;
       std::vector<KeyframeId> local = map.neighbors(id, settings_.bundle_keyframes - 1);
       local.push_back(id);
       std::sort(local.begin(), local.end());

@@ -162,14 +162,28 @@ class LoopClosing {
     return 2 * agreeing >= asked;
   }
 
+  // Moves the keyframe's surroundings onto the place, and the way between after them. If it fails
+  // half-way, the keyframes go back to where they were: the map is not torn.
   bool correct(Map& map, FairMutex& lock, KeyframeId id, const Loop& loop) {
+    std::map<KeyframeId, Eigen::Isometry3d> before;
+    try {
+      return correct(map, lock, id, loop, before);
+    } catch (...) {
+      const std::lock_guard<FairMutex> guard(lock);
+      move_map(map, before);
+      throw;
+    }
+  }
+
+  // `before` takes the keyframes' poses as they were.
+  bool correct(Map& map, FairMutex& lock, KeyframeId id, const Loop& loop,
+               std::map<KeyframeId, Eigen::Isometry3d>& before) {
     std::map<KeyframeId, Eigen::Isometry3d> poses;
     std::vector<PoseGraphEdge> edges;
     KeyframeId origin = kNone;
     {
       const std::lock_guard<FairMutex> guard(lock);
       if (!map.keyframe(id) || !map.keyframe(loop.place)) return false;
-      std::map<KeyframeId, Eigen::Isometry3d> before;
       std::map<KeyframeId, std::map<KeyframeId, int>> linked_before;
       for (int i = 0; i < map.keyframe_end(); ++i)
         if (const Keyframe* k = map.keyframe(i)) {
@@ -201,13 +215,12 @@ class LoopClosing {
     const std::vector<PointId> place_points = gather_local_map(map, seen, 20).points;
     const std::set<PointId> stay(place_points.begin(), place_points.end());
     std::set<PointId> moved;
-    for (const KeyframeId g : group) {
-      Keyframe& k = *map.keyframe(g);
-      for (const PointId p : k.points)
-        if (p != kNone && !stay.count(p) && moved.insert(p).second)
-          map.point(p)->position = step * map.point(p)->position;
-      k.T_camera_world = k.T_camera_world * step.inverse();
-    }
+    for (const KeyframeId g : group)
+      for (const PointId p : map.keyframe(g)->points)
+        if (p != kNone && !stay.count(p)) moved.insert(p);
+    for (const PointId p : moved) map.point(p)->position = step * map.point(p)->position;
+    for (const KeyframeId g : group)
+      map.keyframe(g)->T_camera_world = map.keyframe(g)->T_camera_world * step.inverse();
     Keyframe& k = *map.keyframe(id);
     for (std::size_t i = 0; i < loop.points.size(); ++i) {
       MapPoint* p = map.point(loop.points[i]);

@@ -65,7 +65,8 @@ struct Keyframe {
 /// Keyframes, points, who sees whom. Knows no thread: the caller locks.
 ///
 /// Identifiers are never used again; what was removed is found as nullptr. All walks are in order
-/// of identifiers, so that the same calls give the same map.
+/// of identifiers, so that the same calls give the same map. A call that throws (memory) may be
+/// done in part, but leaves no link to what is not there.
 class Map {
  public:
   /// Covisibility below so many shared points makes no edge (but the best one always does).
@@ -96,8 +97,8 @@ class Map {
     k->points.assign(frame.size(), kNone);
     k->frame = std::move(frame);
     keyframes_.push_back(std::move(k));
-    culled_.emplace_back();
     ++keyframe_count_;
+    culled_.resize(keyframes_.size());  // by size: one that failed before is made up for
     return *keyframes_.back();
   }
 
@@ -108,8 +109,8 @@ class Map {
     p->position = position;
     p->reference = p->first_keyframe = keyframe.id;
     points_.push_back(std::move(p));
-    replaced_by_.push_back(kNone);
     ++point_count_;
+    replaced_by_.resize(points_.size(), kNone);  // as in add_keyframe()
     MapPoint& added = *points_.back();
     observe(added, keyframe, keypoint);
     refresh(added);
@@ -206,7 +207,12 @@ class Map {
     for (const auto& [other, n] : shared) {
       if (n < kMinShared && other != best) continue;
       k.covisible[other] = n;
-      keyframe(other)->covisible[id] = n;
+      try {
+        keyframe(other)->covisible[id] = n;
+      } catch (...) {  // both sides or none
+        k.covisible.erase(other);
+        throw;
+      }
     }
     // Only an earlier keyframe can be the parent: so the tree has no circle.
     if (k.parent != kNone || id == 0) return;
@@ -216,8 +222,8 @@ class Map {
     for (int i = id - 1; parent == kNone && i >= 0; --i)
       if (keyframe(i)) parent = i;
     if (parent == kNone) return;
-    k.parent = parent;
     keyframe(parent)->children.insert(id);
+    k.parent = parent;
   }
 
   /// The keyframes with most points in common, best first; all for max < 0.
@@ -244,10 +250,9 @@ class Map {
       if (Keyframe* o = keyframe(other)) o->covisible.erase(id);
     Keyframe* parent = keyframe(k->parent);
     parent->children.erase(id);
-    for (const KeyframeId child : k->children) {
-      keyframe(child)->parent = k->parent;
-      parent->children.insert(child);
-    }
+    for (const KeyframeId child : k->children) keyframe(child)->parent = k->parent;
+    parent->children.merge(
+        k->children);  // takes no memory: half of them moved would break the tree
     culled_[static_cast<std::size_t>(id)] = {k->parent,
                                              k->T_camera_world * parent->T_camera_world.inverse()};
     keyframes_[static_cast<std::size_t>(id)].reset();

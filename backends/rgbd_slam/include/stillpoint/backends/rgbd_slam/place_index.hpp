@@ -41,15 +41,17 @@ class PlaceIndex {
 
   /// Adds a place; its number is the caller's.
   void add(int place, const std::vector<Descriptor>& descriptors) {
+    // First, as query() looks up every entry's place here, also those of a call that ran out of
+    // memory.
+    alive_.resize(std::max(alive_.size(), static_cast<std::size_t>(place) + 1), 0);
+    sizes_.resize(alive_.size(), 0);
     for (const Descriptor& d : descriptors) {
       const auto entry = static_cast<std::uint32_t>(entries_.size());
       entries_.push_back({d, place});
       for (Table& table : tables_) table.buckets[bucket(table, d)].push_back(entry);
     }
-    alive_.resize(std::max(alive_.size(), static_cast<std::size_t>(place) + 1), 0);
     alive_[static_cast<std::size_t>(place)] = 1;
     live_entries_ += descriptors.size();
-    sizes_.resize(alive_.size(), 0);
     sizes_[static_cast<std::size_t>(place)] = descriptors.size();
   }
 

@@ -4,6 +4,7 @@
 #include <Eigen/Geometry>
 #include <atomic>
 #include <cstddef>
+#include <exception>
 #include <memory>
 #include <mutex>
 #include <opencv2/core.hpp>
@@ -34,6 +35,12 @@ namespace stillpoint::rgbd_slam {
 /// the first frames went with people whom no mask covered, trajectory() mends these (StartReview).
 /// A frame that is lost has no pose; after relocalisation the trajectory goes on in the same frame
 /// of reference. Call it from one thread.
+///
+/// Should mapping or loop closing fail (memory runs out), the caller gets an Error that says so,
+/// once: threaded, from the next call of extract(), track() or finish(), which has done nothing
+/// then and may be called again; else from track(), which has tracked the frame. The system stays
+/// usable: the map keeps what it had, only the work on that keyframe is missing. (Inside of a solve
+/// of Ceres itself, memory that runs out ends the process: Ceres calls std::terminate.)
 class SlamSystem final : public Tracker {
  public:
   struct Settings {
@@ -71,6 +78,7 @@ class SlamSystem final : public Tracker {
 
   const std::vector<cv::KeyPoint>& extract(const RgbdFrame& frame,
                                            const DynamicMask& mask) override {
+    rethrow();
     check_frame(frame);
     copy_gray(frame, gray_);
     extractor_->extract(gray_, mask.image, features_);
@@ -79,6 +87,7 @@ class SlamSystem final : public Tracker {
 
   std::optional<Eigen::Isometry3d> track(const RgbdFrame& frame, const DynamicMask&,
                                          const Selection& selection) override {
+    rethrow();
     detail::check(selection.size() == features_.keypoints.size(), [&] {
       return "SlamSystem::track: expected a selection of the " +
              std::to_string(features_.keypoints.size()) +
@@ -133,6 +142,7 @@ class SlamSystem final : public Tracker {
   /// more.
   void finish() override {
     drain();
+    rethrow();
     if (adjusted_to_ != map_.keyframe_end()) loops_->adjust_all(map_, mapping_mutex_, map_mutex_);
     adjusted_to_ = map_.keyframe_end();
     tracking_->settle(map_, map_mutex_, true);
@@ -156,9 +166,34 @@ class SlamSystem final : public Tracker {
       const std::lock_guard<FairMutex> map_guard(map_mutex_);
       if (id >= map_.keyframe_end() || !map_.keyframe(id)) return;
     }
-    mapping_->process(map_, map_mutex_, index_, id, hurry);
-    tracking_->review_start(map_, map_mutex_);
-    tracking_->settle(map_, map_mutex_);
+    name_errors("local mapping", id, [&] {
+      mapping_->process(map_, map_mutex_, index_, id, hurry);
+      tracking_->review_start(map_, map_mutex_);
+      tracking_->settle(map_, map_mutex_);
+    });
+  }
+
+  // Runs a step of the background work; what it throws comes as an Error that names the step.
+  template <class Step>
+  static void name_errors(const char* name, KeyframeId id, Step&& step) {
+    const auto failed = [&](const std::string& reason) {
+      return Error("SlamSystem: " + std::string(name) + " of keyframe " + std::to_string(id) +
+                   ": expected it to be worked into the map, found " + reason +
+                   "; tracking goes on in the map without what is missing");
+    };
+    try {
+      step();
+    } catch (const std::exception& e) {
+      throw failed(e.what());
+    } catch (...) {
+      throw failed("an exception of unknown type");
+    }
+  }
+
+  // What background work threw since the last call.
+  void rethrow() {
+    if (mapping_worker_) mapping_worker_->rethrow();
+    if (loop_worker_) loop_worker_->rethrow();
   }
 
   void drain() {
@@ -171,7 +206,8 @@ class SlamSystem final : public Tracker {
       const std::lock_guard<FairMutex> map_guard(map_mutex_);
       if (id >= map_.keyframe_end()) return;
     }
-    loops_->process(map_, mapping_mutex_, map_mutex_, index_, id);
+    name_errors("loop closing", id,
+                [&] { loops_->process(map_, mapping_mutex_, map_mutex_, index_, id); });
   }
 
   // A map of a few keyframes that is not found again is worth less than a new start; its frames are

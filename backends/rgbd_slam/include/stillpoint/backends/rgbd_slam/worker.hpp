@@ -5,6 +5,7 @@
 #include <condition_variable>
 #include <cstddef>
 #include <deque>
+#include <exception>
 #include <functional>
 #include <mutex>
 #include <thread>
@@ -12,7 +13,8 @@
 
 namespace stillpoint::rgbd_slam {
 
-/// A thread that works through a queue of numbers in order.
+/// A thread that works through a queue of numbers in order. What the work throws does not end the
+/// thread: it is kept for rethrow(), and the next number's turn comes.
 class Worker {
  public:
   explicit Worker(std::function<void(int)> work)
@@ -39,7 +41,17 @@ class Worker {
     changed_.notify_all();
   }
 
-  /// Waits until everything is done.
+  /// Throws what the work has thrown since the last call, once: the first, if it was more than one.
+  void rethrow() {
+    std::exception_ptr error;
+    {
+      const std::lock_guard<std::mutex> guard(mutex_);
+      std::swap(error, error_);
+    }
+    if (error) std::rethrow_exception(error);
+  }
+
+  /// Waits until everything is done, or has failed; see rethrow().
   void drain() {
     std::unique_lock<std::mutex> guard(mutex_);
     changed_.wait(guard, [this] { return queue_.empty() && !busy_; });
@@ -64,8 +76,15 @@ class Worker {
       waiting_ = !queue_.empty();
       busy_ = true;
       guard.unlock();
-      work_(item);
+      std::exception_ptr error;
+      try {
+        work_(item);
+      } catch (...) {
+        error = std::current_exception();
+      }
       guard.lock();
+      // The first is the cause; others may only follow from it.
+      if (!error_) error_ = error;
       busy_ = false;
       changed_.notify_all();
     }
@@ -75,6 +94,7 @@ class Worker {
   std::mutex mutex_;
   std::condition_variable changed_;
   std::deque<int> queue_;
+  std::exception_ptr error_;
   std::atomic<bool> waiting_{false};
   bool busy_ = false, end_ = false;
   std::thread thread_;  // last: starts when the rest is there
