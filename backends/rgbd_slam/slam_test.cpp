@@ -50,6 +50,49 @@ double worst_error(const Trajectory& trajectory,
 
 Eigen::Isometry3d sway(double t) { return test_scene::path(static_cast<int>(std::lround(t * 30))); }
 
+// When what is due after some time happens, for a camera that stands still and then sees nothing.
+struct Times {
+  std::vector<double> keyframes;
+  double settled_s = 0, restart_s = 0;  // the age of what is settled last; lost so long
+};
+
+Times times_at(double rate_hz, bool with_timestamps = true) {
+  static const RgbdFrame still = test_scene::render(test_scene::path(0), 0);
+  OrbExtractor extractor;
+  Features features;
+  extractor.extract(still.color, cv::Mat(), features);
+  const std::vector<int> all = test_scene::keep_all(features.keypoints.size()).kept;
+  ImagePyramid pyramid;
+  pyramid.build(still.color, extractor.levels(), extractor.scale_factor());
+  MapTracking::Settings settings;
+  settings.restart_keyframes = 100;  // the map counts as young
+  MapTracking tracking(
+      {test_scene::camera(), NoiseModel(), extractor.levels(), extractor.scale_factor()}, settings);
+  Map map;
+  FairMutex lock;
+  PlaceIndex index;
+  Times times;
+  const auto track = [&](int step, const std::vector<int>& kept) {
+    RgbdFrame frame = still;
+    frame.timestamp = with_timestamps ? 1e9 + step / rate_hz : 0;
+    return tracking.track(map, index,
+                          KeypointFrame(frame, test_scene::camera(), features, kept,
+                                        extractor.scale_factor(), KeypointFrame::Settings()),
+                          pyramid, false);
+  };
+  int step = 0;
+  for (; step <= 4 * rate_hz; ++step) {
+    EXPECT_TRUE(track(step, all)) << step;
+    if (tracking.new_keyframe() != kNone) times.keyframes.push_back(step / rate_hz);
+    tracking.settle(map, lock);
+  }
+  times.settled_s = (step - static_cast<int>(tracking.settled())) / rate_hz;
+  const int lost = step;
+  while (!tracking.stats().restart_due && step < lost + 20 * rate_hz) track(step++, {});
+  times.restart_s = (step - 1 - lost) / rate_hz;
+  return times;
+}
+
 Eigen::Isometry3d path_at_10_hz(double t) {
   return test_scene::path(2 * static_cast<int>(std::lround(t * 10)));
 }
@@ -190,6 +233,25 @@ struct Recorded {
     return (record.pose(map).translation() - truth.translation()).norm();
   }
 };
+
+TEST(MapTracking, WaitsForSecondsNotForFrames) {
+  for (const double rate_hz : {10.0, 30.0, 60.0, 90.0}) {
+    SCOPED_TRACE(rate_hz);
+    const Times times = times_at(rate_hz);
+    ASSERT_EQ(times.keyframes.size(), 9u);
+    for (std::size_t i = 0; i < 9; ++i) EXPECT_NEAR(times.keyframes[i], 0.5 * i, 1e-6);
+    EXPECT_NEAR(times.settled_s, 3, 1e-6);
+    EXPECT_NEAR(times.restart_s, 1, 1e-6);
+  }
+}
+
+// A host that has none.
+TEST(MapTracking, TakesFramesWithoutTimestampsForThoseOfACameraAt30Hz) {
+  const Times times = times_at(30, false);
+  ASSERT_EQ(times.keyframes.size(), 9u);
+  EXPECT_NEAR(times.keyframes.back(), 4, 1e-6);
+  EXPECT_NEAR(times.restart_s, 1, 1e-6);
+}
 
 TEST(FrameRecord, SettlesOnWhereItsPointsAreKnownToBe) {
   Recorded r;
@@ -413,19 +475,21 @@ TEST(SlamSystem, IsNotTakenAlongByWhatMovesBeforeTheFirstMask) {
 }
 
 // What fills most of the picture takes the first frames along; then it goes, and they are mended.
-void mend_the_start(int covered, int every = 1) {
+void mend_the_start(double covered_s, double rate_hz = 30) {
   for (const bool threaded : {false, true}) {
+    if (threaded && rate_hz > 30) continue;  // slow, as the threads are waited for after each frame
     SlamSystem::Settings settings = small_settings();
     settings.threaded = threaded;
     SlamSystem slam(test_scene::camera(), settings);
     Trajectory tracked;
-    for (int step = 0; step < 80; step += every) {
-      const Eigen::Isometry3d T = test_scene::path(step);
-      RgbdFrame frame = test_scene::render(T, step / 30.0);
-      if (step < covered) {
+    for (int step = 0; step < 80 * rate_hz / 30; ++step) {
+      const double t = step / rate_hz;
+      const Eigen::Isometry3d T = test_scene::path_at(t);
+      RgbdFrame frame = test_scene::render(T, t);
+      if (t < covered_s - 1e-6) {
         // It looks like the walls behind the camera, which are not seen else.
         Eigen::Isometry3d moved = Eigen::AngleAxisd(3.14159, Eigen::Vector3d::UnitY()) * T;
-        moved.pretranslate(Eigen::Vector3d(0.015, 0, 0.005) * step);
+        moved.pretranslate(Eigen::Vector3d(0.45, 0, 0.15) * t);
         test_scene::cover_left(frame, frame.color.cols * 3 / 5, moved);
       }
       const auto pose = feed(slam, frame);
@@ -435,8 +499,8 @@ void mend_the_start(int covered, int every = 1) {
     }
     slam.finish();
     ASSERT_EQ(slam.trajectory().size(), tracked.size());
-    EXPECT_GT(worst_error(tracked, sway), 0.08) << threaded;  // else there is nothing to mend
-    EXPECT_LT(worst_error(slam.trajectory(), sway), 0.05) << threaded;
+    EXPECT_GT(worst_error(tracked, test_scene::path_at), 0.08) << threaded;  // else nothing to mend
+    EXPECT_LT(worst_error(slam.trajectory(), test_scene::path_at), 0.05) << threaded;
     // Where it is now has not changed.
     EXPECT_LT((slam.trajectory().back().T_world_camera.translation() -
                tracked.back().T_world_camera.translation())
@@ -446,13 +510,22 @@ void mend_the_start(int covered, int every = 1) {
   }
 }
 
-TEST(SlamSystem, MendsTheStartOnceItKnowsWhatStandsStill) { mend_the_start(8); }
+TEST(SlamSystem, MendsTheStartOnceItKnowsWhatStandsStill) { mend_the_start(8 / 30.0); }
 
 // Then keyframes of 10 frames later have it in their map, too.
-TEST(SlamSystem, MendsALongWrongStart) { mend_the_start(20); }
+TEST(SlamSystem, MendsALongWrongStart) { mend_the_start(20 / 30.0); }
 
-// 1.5 s are 23 frames then.
-TEST(SlamSystem, MendsTheStartOfASlowCamera) { mend_the_start(8, 2); }
+// 1.5 s are 15 or 23 frames then.
+TEST(SlamSystem, MendsTheStartOfASlowCamera) {
+  mend_the_start(8 / 30.0, 15);
+  mend_the_start(20 / 30.0, 10);
+}
+
+// And 90 or 135, of which every second or third is kept.
+TEST(SlamSystem, MendsTheStartOfAFastCamera) {
+  mend_the_start(20 / 30.0, 60);
+  mend_the_start(0.85, 90);
+}
 
 // Few frames in the first seconds, with gaps.
 TEST(SlamSystem, ReviewsAStartOfFewFrames) {
@@ -619,7 +692,7 @@ TEST(SlamSystem, ClosesALoop) {
 
 TEST(SlamSystem, StartsAnewWhenAYoungMapIsLost) {
   SlamSystem::Settings settings = small_settings();
-  settings.tracking.restart_after = 3;
+  settings.tracking.restart_after_s = 0.1;
   SlamSystem slam(test_scene::camera(), settings);
   ASSERT_TRUE(feed(slam, test_scene::render(test_scene::path(0), 0)));
   RgbdFrame black = test_scene::render(test_scene::path(0), 0.1);

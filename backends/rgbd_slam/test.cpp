@@ -308,6 +308,23 @@ TEST(RgbdOdometry, SaysThatItIsLostAndRecoversInTheSameFrameOfReference) {
   EXPECT_EQ(tracker.trajectory().size(), 11u);
 }
 
+// A camera that stands still: only time makes keyframes.
+TEST(RgbdOdometry, MakesKeyframesAfterTheSameTimeAtAnyRate) {
+  for (const double rate_hz : {10.0, 30.0, 60.0, 90.0}) {
+    RgbdOdometry tracker(test_scene::camera(), small_settings());
+    RgbdFrame frame = test_scene::render(test_scene::path(0), 0);
+    std::vector<double> keyframes;
+    for (int step = 0; step <= 2 * rate_hz; ++step) {
+      frame.timestamp = step / rate_hz;
+      ASSERT_TRUE(feed(tracker, frame));
+      if (tracker.stats().keyframe) keyframes.push_back(frame.timestamp);
+    }
+    // At 10 Hz two thirds of a second are over at 0.7 s.
+    ASSERT_EQ(keyframes.size(), rate_hz < 30 ? 3u : 4u) << rate_hz;
+    EXPECT_NEAR(keyframes[1], 0.68, 0.03) << rate_hz;
+  }
+}
+
 TEST(RgbdOdometry, TracksWithoutDepthOnceStarted) {
   RgbdOdometry tracker(test_scene::camera(), small_settings());
   RgbdFrame blind = test_scene::render(test_scene::path(0), 0);

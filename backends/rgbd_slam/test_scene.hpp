@@ -86,9 +86,8 @@ inline void cover_left(stillpoint::RgbdFrame& frame, int columns,
   other.depth(part).copyTo(frame.depth(part));
 }
 
-// A walk that sways and turns; step = 1/30 s.
-inline Eigen::Isometry3d path(int step) {
-  const double t = step / 30.0;
+// A walk that sways and turns; seconds.
+inline Eigen::Isometry3d path_at(double t) {
   Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
   T.translation() << 0.5 * std::sin(0.9 * t), 0.15 * std::sin(1.3 * t), 0.4 * std::sin(0.7 * t);
   T.linear() = (Eigen::AngleAxisd(0.35 * std::sin(0.8 * t), Eigen::Vector3d::UnitY()) *
@@ -96,6 +95,9 @@ inline Eigen::Isometry3d path(int step) {
                    .toRotationMatrix();
   return T;
 }
+
+// The same; step = 1/30 s.
+inline Eigen::Isometry3d path(int step) { return path_at(step / 30.0); }
 
 // What the camera sees at path(2 step), behind what moves as one and fills two fifths of the
 // picture.

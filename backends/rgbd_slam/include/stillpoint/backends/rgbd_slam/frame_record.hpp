@@ -35,6 +35,12 @@ class FrameRecord {
     T_camera_reference_ = T_camera_world * map.pose_of(reference).inverse();
   }
 
+  /// Takes another pose. What the frame saw belongs to the old one and is forgotten.
+  void mend(const Map& map, KeyframeId reference, const Eigen::Isometry3d& T_camera_world) {
+    hang_on(map, reference, T_camera_world);
+    std::vector<Sight>().swap(sights_);
+  }
+
   /// Refines the pose on the points as the map knows them by now, better than when the frame was
   /// tracked: later keyframes see them, too. Forgets what it saw. A keyframe's own pose is the
   /// map's, and stays. O(points).

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "stillpoint/backends/rgbd_slam/fair_mutex.hpp"
+#include "stillpoint/backends/rgbd_slam/frame_clock.hpp"
 #include "stillpoint/backends/rgbd_slam/frame_record.hpp"
 #include "stillpoint/backends/rgbd_slam/local_map.hpp"
 #include "stillpoint/backends/rgbd_slam/pnp.hpp"
@@ -37,11 +38,12 @@ class MapTracking {
     /// Keypoints with depth that the first frame needs.
     int min_start_points = 80;
     /// A keyframe is due when the matches fall below this share of those of the reference
-    /// keyframe's points, at the latest after so many frames.
+    /// keyframe's points, at the latest after so many seconds; at the earliest after `min`.
     double keyframe_ratio = 0.95;
-    int max_keyframe_gap = 15, min_keyframe_gap = 2;
-    /// The map is started anew when it is lost for so many frames with fewer keyframes than that.
-    int restart_after = 30, restart_keyframes = 4;
+    double max_keyframe_gap_s = 0.5, min_keyframe_gap_s = 1.0 / 15;
+    /// The map is started anew when it is lost for so long with fewer keyframes than that.
+    double restart_after_s = 1;
+    int restart_keyframes = 4;
     std::size_t max_local_keyframes = 40;
   };
 
@@ -59,6 +61,7 @@ class MapTracking {
   /// Tracks a frame; false: lost. With `mapper_busy` a keyframe waits if it can.
   bool track(Map& map, PlaceIndex& index, KeypointFrame frame, const ImagePyramid& pyramid,
              bool mapper_busy) {
+    clock_.advance(frame.timestamp);
     const bool at_start = StartReview::wants(records_, frame.timestamp);
     KeypointFrame kept = at_start ? frame : KeypointFrame();
     current_ = TrackedFrame(std::move(frame));
@@ -67,7 +70,6 @@ class MapTracking {
     stats_.keypoints = static_cast<int>(current_.frame.size());
     for (const FrameKeypoint& k : current_.frame.keypoints) stats_.with_depth += k.depth_m > 0;
     new_keyframe_ = kNone;
-    ++frame_number_;
     bool ok = false;
     if (map.keyframe_count() == 0) {
       ok = start(map);
@@ -82,12 +84,15 @@ class MapTracking {
       if (ok) accept(map, mapper_busy);
     }
     if (ok) {
-      lost_ = 0;
-      if (at_start) start_.keep(std::move(kept), pyramid.image(0));
+      lost_since_s_.reset();
+      if (at_start)
+        start_.keep(std::move(kept), pyramid.image(0), records_.size() - 1, new_keyframe_ != kNone);
     } else {
       stats_.recovered = false;
       motion_.reset();
-      stats_.restart_due = ++lost_ > settings_.restart_after && map.keyframe_count() > 0 &&
+      if (!lost_since_s_) lost_since_s_ = clock_.now_s();
+      stats_.restart_due = clock_.reached_since(*lost_since_s_, settings_.restart_after_s) &&
+                           map.keyframe_count() > 0 &&
                            static_cast<int>(map.keyframe_count()) < settings_.restart_keyframes;
     }
     tracking_ = ok;
@@ -109,10 +114,13 @@ class MapTracking {
   void settle(const Map& map, FairMutex& lock, bool all = false) {
     for (;;) {
       const std::lock_guard<FairMutex> guard(lock);
-      if (settled_ + (all ? 0 : kSettleAfter) >= records_.size()) return;
+      if (!(all ? settled_ < records_.size() : settle_due())) return;
       records_[settled_++].settle(optics_, map);
     }
   }
+
+  /// How many of the tracked frames, the first ones, are settled.
+  std::size_t settled() const { return settled_; }
 
   /// Forgets everything, the trajectory too: for a map that is started anew.
   void reset() {
@@ -121,7 +129,7 @@ class MapTracking {
     start_.reset();
     local_ = LocalMap();
     motion_.reset();
-    lost_ = 0;
+    lost_since_s_.reset();
     tracking_ = false;
   }
 
@@ -140,8 +148,18 @@ class MapTracking {
  private:
   // With so many the camera is sure to be where it was predicted.
   static constexpr int kSureInliers = 60;
-  // Frames after which those points that a frame saw are known as well as they will be.
-  static constexpr std::size_t kSettleAfter = 90;
+  // After which those points that a frame saw are known as well as they will be.
+  static constexpr double kSettleAfterS = 3;
+  // That wait to be settled, each with what it saw (about 40 KB): the frames of 3 s at 120 Hz.
+  static constexpr std::size_t kMostUnsettled = 360;
+  // With the mapper behind, keyframes wait so long.
+  static constexpr double kBusyGapS = 1.0 / 6;
+
+  bool settle_due() const {
+    if (settled_ >= records_.size()) return false;
+    const double age_s = records_.back().timestamp() - records_[settled_].timestamp();
+    return FrameClock::reached(age_s, kSettleAfterS) || records_.size() - settled_ > kMostUnsettled;
+  }
 
   bool start(Map& map) {
     if (stats_.with_depth < settings_.min_start_points) return false;
@@ -256,8 +274,7 @@ class MapTracking {
   }
 
   bool keyframe_due(const Map& map, bool mapper_busy) const {
-    const int gap = frame_number_ - keyframe_frame_;
-    if (gap < settings_.min_keyframe_gap) return false;
+    if (!clock_.reached_since(keyframe_s_, settings_.min_keyframe_gap_s)) return false;
     // Points of the reference that are worth finding: seen more than once, once there was time.
     const int min_observations = map.keyframe_count() <= 2 ? 1 : 2;
     int reference_points = 0;
@@ -266,8 +283,8 @@ class MapTracking {
         reference_points += static_cast<int>(p->observations.size()) >= min_observations;
     const bool weak = stats_.inliers < settings_.keyframe_ratio * reference_points;
     const bool very_weak = stats_.inliers < 0.3 * reference_points || stats_.inliers < 60;
-    if (mapper_busy) return very_weak && gap >= 5;
-    return weak || very_weak || gap >= settings_.max_keyframe_gap;
+    if (mapper_busy) return very_weak && clock_.reached_since(keyframe_s_, kBusyGapS);
+    return weak || very_weak || clock_.reached_since(keyframe_s_, settings_.max_keyframe_gap_s);
   }
 
   void insert_keyframe(Map& map) {
@@ -291,7 +308,7 @@ class MapTracking {
     }
     map.update_connections(k.id);
     new_keyframe_ = k.id;
-    keyframe_frame_ = frame_number_;
+    keyframe_s_ = clock_.now_s();
     stats_.keyframe = true;
   }
 
@@ -308,7 +325,9 @@ class MapTracking {
   std::optional<Eigen::Isometry3d> motion_;
   double motion_dt_ = 0;
   bool tracking_ = false;
-  int frame_number_ = 0, keyframe_frame_ = 0, lost_ = 0;
+  FrameClock clock_;
+  double keyframe_s_ = 0;               // when the last keyframe was made
+  std::optional<double> lost_since_s_;  // the first lost frame's
 };
 
 }  // namespace stillpoint::rgbd_slam

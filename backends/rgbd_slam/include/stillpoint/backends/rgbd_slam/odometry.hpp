@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "stillpoint/backends/rgbd_slam/features.hpp"
+#include "stillpoint/backends/rgbd_slam/frame_clock.hpp"
 #include "stillpoint/backends/rgbd_slam/image_pyramid.hpp"
 #include "stillpoint/backends/rgbd_slam/keypoint_frame.hpp"
 #include "stillpoint/backends/rgbd_slam/matching.hpp"
@@ -40,9 +41,9 @@ class RgbdOdometry final : public Tracker {
     int min_inliers = 20;
     /// Keypoints with depth that the first frame needs.
     int min_start_points = 60;
-    /// A keyframe is made below this share of the last one's keypoints, and after so many frames.
+    /// A keyframe is made below this share of the last one's keypoints, and after so many seconds.
     double keyframe_ratio = 0.33;
-    int max_keyframe_gap = 20;
+    double max_keyframe_gap_s = 2.0 / 3;
     /// Map points kept; those not seen for longest go first.
     int max_points = 20000;
   };
@@ -84,7 +85,7 @@ class RgbdOdometry final : public Tracker {
                              settings_.depth);
     pyramid_.build(gray_, extractor_->levels(), extractor_->scale_factor());
     stats_ = Stats();
-    ++frame_number_;
+    clock_.advance(frame.timestamp);
     if (points_.empty()) return start();
 
     std::optional<Eigen::Isometry3d> T;
@@ -115,11 +116,15 @@ class RgbdOdometry final : public Tracker {
   std::size_t map_points() const { return points_.size(); }
 
  private:
+  // A point that one keyframe saw, and no frame for so long, is given up. (91 frames at 30 Hz.)
+  static constexpr double kForgetAfterS = 91.0 / 30;
+
   struct Point {
     Eigen::Vector3d position;
     Descriptor descriptor;
     ScaleRange scale;
-    int last_seen, observations;
+    double last_seen_s;
+    int observations;
     Patch patch;
   };
 
@@ -254,9 +259,9 @@ class RgbdOdometry final : public Tracker {
     tracked_last_ = true;
     trajectory_.push_back({current_.timestamp, T.inverse()});
     for (const int p : matched_)
-      if (p >= 0) points_[static_cast<std::size_t>(p)].last_seen = frame_number_;
+      if (p >= 0) points_[static_cast<std::size_t>(p)].last_seen_s = clock_.now_s();
     const bool keyframe = points_.empty() || stats_.recovered ||
-                          frame_number_ - keyframe_number_ >= settings_.max_keyframe_gap ||
+                          clock_.reached_since(keyframe_s_, settings_.max_keyframe_gap_s) ||
                           stats_.inliers < settings_.keyframe_ratio * keyframe_inliers_;
     if (keyframe) make_keyframe();
   }
@@ -280,20 +285,22 @@ class RgbdOdometry final : public Tracker {
         continue;
       }
       points_.push_back(
-          {world, current_.descriptors[i], ScaleRange(p.norm(), k.scale), frame_number_, 1,
+          {world, current_.descriptors[i], ScaleRange(p.norm(), k.scale), clock_.now_s(), 1,
            cut_patch(pyramid_, camera_, k.pixel(), k.octave, T_camera_world_.linear(), k.depth_m)});
     }
-    keyframe_number_ = frame_number_;
+    keyframe_s_ = clock_.now_s();
     const auto limit = static_cast<std::size_t>(settings_.max_points);
     // Points of one keyframe that were never found again describe nothing that can be found.
     points_.erase(std::remove_if(points_.begin(), points_.end(),
                                  [&](const Point& p) {
-                                   return p.observations == 1 && frame_number_ - p.last_seen > 90;
+                                   return p.observations == 1 &&
+                                          clock_.reached_since(p.last_seen_s, kForgetAfterS);
                                  }),
                   points_.end());
     if (points_.size() > limit) {
-      std::stable_sort(points_.begin(), points_.end(),
-                       [](const Point& a, const Point& b) { return a.last_seen > b.last_seen; });
+      std::stable_sort(points_.begin(), points_.end(), [](const Point& a, const Point& b) {
+        return a.last_seen_s > b.last_seen_s;
+      });
       points_.resize(limit);
     }
   }
@@ -313,7 +320,9 @@ class RgbdOdometry final : public Tracker {
   Eigen::Isometry3d velocity_ = Eigen::Isometry3d::Identity();
   double last_dt_ = 0;
   bool tracked_last_ = false;
-  int frame_number_ = 0, keyframe_number_ = 0, keyframe_inliers_ = 0;
+  FrameClock clock_;
+  double keyframe_s_ = 0;  // when the last keyframe was made
+  int keyframe_inliers_ = 0;
 };
 
 }  // namespace stillpoint::rgbd_slam

@@ -27,20 +27,23 @@ namespace stillpoint::rgbd_slam {
 /// one and a half, those of the first two after three, the last first, by those points only that
 /// keyframes of a while later see, and later than the last frame that was wrong. Where the old pose
 /// loses some of these, the new one takes its place; a keyframe forgets what it had seen from
-/// there. Frames that were right (nearly all) stay as they are.
+/// there. Frames that were right (nearly all) stay as they are. Of a camera faster than 40 Hz not
+/// every frame is kept: those between are put between.
 class StartReview {
  public:
-  /// Whether a frame that follows `records` is one of the first, to be kept (about 0.4 MB at 640 x
-  /// 480) until it has been judged twice.
+  /// Whether a frame that follows `records` is one of the first.
   static bool wants(const std::vector<FrameRecord>& records, double timestamp) {
-    return records.empty() || (records.size() < kMostFrames &&
-                               timestamp - records.front().timestamp() < kRounds.back().judged_s);
+    return records.empty() || timestamp - records.front().timestamp() < kRounds.back().judged_s;
   }
 
-  /// Keeps the next tracked frame, one that it wants(), as it was before its keypoints were
-  /// aligned.
-  void keep(KeypointFrame frame, const cv::Mat& gray) {
-    kept_.push_back({std::move(frame), gray.clone()});
+  /// Takes a tracked frame that it wants(), as it was before its keypoints were aligned; `record`:
+  /// its place among the records. Kept (about 0.4 MB at 640 x 480) until it has been judged twice,
+  /// unless it follows the last one too closely; a keyframe always is.
+  void keep(KeypointFrame frame, const cv::Mat& gray, std::size_t record, bool keyframe) {
+    if (kept_.size() == kMostFrames || round_ == kRounds.size()) return;
+    if (!kept_.empty() && !keyframe && frame.timestamp - kept_.back().frame.timestamp < kSpacingS)
+      return;
+    kept_.push_back({std::move(frame), gray.clone(), record});
   }
 
   void reset() {
@@ -59,30 +62,41 @@ class StartReview {
       const double start_s = records.front().timestamp();
       if (records.back().timestamp() - start_s < kRounds[round_].settled_s) return;
       // Two frames after the last one are looked at, too.
-      const std::size_t most = std::min(kept_.size(), records.size() - 2);
-      while (judged < most && records[judged].timestamp() - start_s < kRounds[round_].judged_s)
+      while (judged < kept_.size() && kept_[judged].record + 2 < records.size() &&
+             records[kept_[judged].record].timestamp() - start_s < kRounds[round_].judged_s)
         ++judged;
     }
-    for (std::size_t i = judged; i-- > 0;) {
+    bool mended_next = false;  // the frame kept after this one
+    for (std::size_t n = judged; n-- > 0;) {
       const std::lock_guard<FairMutex> guard(lock);
+      const std::size_t i = kept_[n].record;
+      const std::size_t end = n + 1 < kept_.size() ? kept_[n + 1].record : next_record(records, i);
       const double later_s =
           std::max(records[i].timestamp() + kLaterS, records[right_].timestamp());
-      std::optional<TrackedFrame> found = track_again(optics, map, records, i, later_s, kept_[i]);
+      std::optional<TrackedFrame> found = track_again(optics, map, records, i, later_s, kept_[n]);
       if (!found) break;  // earlier frames are still farther from what is known
-      if (fits(optics, map, *found, records[i].pose(map))) continue;
-      right_ = std::max(right_, i + 1);
       const KeyframeId later = first_keyframe_after(map, later_s);
-      if (later == kNone) break;
-      if (Keyframe* own = keyframe_of(map, records[i].timestamp()))
-        mend(map, *own, *found, records, later);
-      records[i] = FrameRecord(map, later, *found);
+      const bool wrong = !fits(optics, map, *found, records[i].pose(map));
+      if (wrong) {
+        right_ = std::max(right_, end);
+        if (later == kNone) break;
+        if (Keyframe* own = keyframe_of(map, records[i].timestamp()))
+          mend(map, *own, *found, records, later);
+        records[i] = FrameRecord(map, later, *found);
+      }
+      if (later != kNone && (wrong || mended_next)) mend_between(map, records, i, end, later);
+      mended_next = wrong;
     }
     const std::lock_guard<FairMutex> guard(lock);
     if (++round_ == kRounds.size()) std::vector<Kept>().swap(kept_);
   }
 
  private:
-  static constexpr std::size_t kMostFrames = 60;
+  // Every frame at 30 Hz, with the jitter of its timestamps, is kept, at 60 Hz every second and at
+  // 90 Hz every third one.
+  static constexpr double kSpacingS = 0.024;
+  // Whatever the timestamps are: those of 2 s so far apart, and the keyframes between.
+  static constexpr std::size_t kMostFrames = 120;
 
   // Frames of the first seconds are judged, once so much later ones were tracked: a little less
   // than 1, 1.5, 2 and 3 s, so that 30 Hz gives 30, 45, 60 and 90 frames whatever the rounding.
@@ -101,7 +115,37 @@ class StartReview {
   struct Kept {
     KeypointFrame frame;
     cv::Mat gray;
+    std::size_t record;
   };
+
+  // The first record that is as long after record `i` as frames are kept; the last one if there is
+  // none.
+  static std::size_t next_record(const std::vector<FrameRecord>& records, std::size_t i) {
+    std::size_t next = std::min(i + 1, records.size() - 1);
+    while (next + 1 < records.size() &&
+           records[next].timestamp() - records[i].timestamp() < kSpacingS)
+      ++next;
+    return next;
+  }
+
+  // Puts the frames between two that were judged, of which one was mended, on the way between
+  // these. Their own poses do not count: what took the others along comes and goes from frame to
+  // frame.
+  static void mend_between(const Map& map, std::vector<FrameRecord>& records, std::size_t begin,
+                           std::size_t end, KeyframeId later) {
+    const Eigen::Isometry3d from = records[begin].pose(map).inverse();
+    const Eigen::Isometry3d to = records[end].pose(map).inverse();
+    const double begin_s = records[begin].timestamp(), span_s = records[end].timestamp() - begin_s;
+    for (std::size_t r = begin + 1; r < end; ++r) {
+      const double share = span_s > 0 ? (records[r].timestamp() - begin_s) / span_s : 0;
+      Eigen::Isometry3d T_world_camera = Eigen::Isometry3d::Identity();
+      T_world_camera.linear() = Eigen::Quaterniond(from.linear())
+                                    .slerp(share, Eigen::Quaterniond(to.linear()))
+                                    .toRotationMatrix();
+      T_world_camera.translation() = (1 - share) * from.translation() + share * to.translation();
+      records[r].mend(map, later, T_world_camera.inverse());
+    }
+  }
 
   // The frame's pose by the points that keyframes after `later_s` see; none if these are too few.
   static std::optional<TrackedFrame> track_again(const Optics& optics, const Map& map,
@@ -109,8 +153,9 @@ class StartReview {
                                                  std::size_t i, double later_s, const Kept& kept) {
     const std::vector<PointId> points = points_seen_after(map, later_s);
     // As it went on afterwards it may have come, or it was right before.
-    const Eigen::Isometry3d next = records[i + 1].pose(map);
-    const Eigen::Isometry3d after = records[i + 2].pose(map);
+    const std::size_t second = next_record(records, i), third = next_record(records, second);
+    const Eigen::Isometry3d next = records[second].pose(map);
+    const Eigen::Isometry3d after = records[third].pose(map);
     std::optional<TrackedFrame> best;
     int most = 0;
     for (const Eigen::Isometry3d& guess : {records[i].pose(map), next * after.inverse() * next}) {
