@@ -85,7 +85,7 @@ int main(int argc, char** argv) try {
     cv::SIFT::create(budget.features_for(400, 2000))
         ->detectAndCompute(frame.color, cv::noArray(), keypoints, descriptors);
     const stillpoint::Selection& selection = front_end.select(keypoints);
-    budget.add(front_end.stats().keypoints, front_end.stats().kept);
+    budget.add(front_end.stats().keypoints, front_end.stats().kept, frame.timestamp);
     for (const int k : selection.kept) kept_descriptors.push_back(descriptors.row(k));
     stillpoint::compact(keypoints, selection);
 

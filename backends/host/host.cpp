@@ -201,7 +201,7 @@ int HostFrontEnd::Impl::select(double timestamp, const cv::Point2f* points, int 
 
   const int still = static_cast<int>(
       std::count(selection.reason.begin(), selection.reason.end(), KeypointReason::kStatic));
-  budget.add(count, still);
+  budget.add(count, still, mask->timestamp);
   if (mask == &masks[newest]) stats.status |= judge.status();
   stats.keypoints = count;
   stats.kept = n;

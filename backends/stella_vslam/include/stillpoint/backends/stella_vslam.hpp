@@ -123,7 +123,8 @@ class StellaVslam {
       raw_.emplace_back(static_cast<float>(raw.x()), static_cast<float>(raw.y()));
     }
     selection_ = front_end_.select(raw_);
-    budget_.add(static_cast<int>(selection_.size()), static_cast<int>(selection_.kept.size()));
+    budget_.add(static_cast<int>(selection_.size()), static_cast<int>(selection_.kept.size()),
+                frame.timestamp_);
     std::decay_t<decltype(from)> kept;
     kept.undist_keypts_ = from.undist_keypts_;
     kept.bearings_ = from.bearings_;
