@@ -251,6 +251,27 @@ TEST_F(DnnGraphs, KnowsTheInputSizeOfItsModel) {
                "found output0 1x84x2100");
 }
 
+TEST_F(DnnGraphs, KeepsTheFixedLengthOfAModelThatIsOpenInOne) {
+  for (const char* name : {"open_height", "open_width", "open_both"}) {
+    SCOPED_TRACE(name);
+    OpenCvDnnSegmenter segmenter(graph(name));
+    EXPECT_EQ(segmenter.decoder(), "fastestdet");
+    for (const cv::Size size :
+         {cv::Size(640, 480), cv::Size(1280, 720), cv::Size(480, 640), cv::Size(100, 1000)}) {
+      const RgbdFrame frame = plain_frame(size.width, size.height);
+      const Segmentation found = segmenter.segment(frame);
+      EXPECT_NO_THROW(check_segmentation(found, frame.color.size()));
+      EXPECT_GE(found.instances.size(), 1u) << size;
+    }
+  }
+  OpenCvDnnSettings settings;
+  settings.input_size = {640, 320};
+  EXPECT_NO_THROW(OpenCvDnnSegmenter(graph("open_height"), settings));
+  EXPECT_ERROR(OpenCvDnnSegmenter(graph("open_width"), settings), "made for, ?x480", "640x320");
+  settings.input_size = {320, 320};
+  EXPECT_ERROR(OpenCvDnnSegmenter(graph("open_height"), settings), "made for, 640x?", "320x320");
+}
+
 TEST(OpenCvDnn, ChecksItsSettings) {
   const auto check = [](auto change) {
     OpenCvDnnSettings settings;
@@ -262,6 +283,12 @@ TEST(OpenCvDnn, ChecksItsSettings) {
   EXPECT_ERROR(check([](auto& s) { s.decoding.max_overlap = -1; }), "max_overlap");
   EXPECT_ERROR(check([](auto& s) { s.decoding.max_instances = 0; }), "max_instances");
   EXPECT_ERROR(check([](auto& s) { s.input_size = {-1, 0}; }), "input_size");
+  EXPECT_ERROR(check([](auto& s) {
+                 s.input_size = {640, 0};
+               }),
+               "input_size: expected both", "found 640x0", "give the height");
+  EXPECT_ERROR(check([](auto& s) { s.input_size = {0, 480}; }), "found 0x480", "give the width");
+  EXPECT_NO_THROW(check([](auto& s) { s.input_size = {640, 480}; }));
 }
 
 /// Real weights and pictures; not part of the project.

@@ -333,6 +333,25 @@ def bad_ones():
          [("images", [1, 3, 64, 64])], [("c", [1, 3])], opset=12)
 
 
+def open_sizes():
+    """FastestDet-like, one object in the middle of each cell; the outputs follow the input. What is fixed is fixed
+    in a Reshape, as exports have it: no other size runs, or none that is decoded."""
+    for name, (width, height) in {"open_height": (640, 0), "open_width": (0, 480), "open_both": (0, 0)}.items():
+        bias = np.zeros(85, np.float32)
+        bias[0], bias[5] = 0.9, 0.9
+        nodes = [helper.make_node("Conv", ["images", "w", "b"], ["conv"], kernel_shape=[16, 16], strides=[16, 16])]
+        weights = [numpy_helper.from_array(np.zeros((85, 3, 16, 16), np.float32), "w"),
+                   numpy_helper.from_array(bias, "b")]
+        if width or height:
+            shape = np.array([1, 85, height // 16 or -1, width // 16 or -1], np.int64)
+            weights.append(numpy_helper.from_array(shape, "s"))
+            nodes.append(helper.make_node("Reshape", ["conv", "s"], ["758"]))
+        else:
+            nodes[0].output[0] = "758"
+        save(name, nodes, weights, [("images", [1, 3, height or "height", width or "width"])],
+             [("758", [1, 85, height // 16 or "rows", width // 16 or "columns"])])
+
+
 def unrunnable():
     """The end of a standard YOLOv8 export: OpenCV 4.6 reads it but cannot run it."""
     a = 64
@@ -358,5 +377,5 @@ def unrunnable():
 
 
 os.makedirs(OUT, exist_ok=True)
-for make in (sparse_inst, mask_rcnn, yolo, headless, fastest_det, conventions, bad_ones, unrunnable):
+for make in (sparse_inst, mask_rcnn, yolo, headless, fastest_det, conventions, bad_ones, open_sizes, unrunnable):
     make()

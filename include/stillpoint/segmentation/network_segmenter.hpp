@@ -39,8 +39,9 @@ struct NetworkSegmenterSettings {
   std::string decoder;
   /// One name per class of the network; empty: COCO's.
   std::vector<std::string> class_names;
-  /// W x H that the picture is fitted into; 0: the model's own, or, if it takes any, the picture's,
-  /// at most 640 on the longer side, rounded up to multiples of 32.
+  /// W x H that the image is fitted into, both or neither. Empty: the model's own. Where it is open
+  /// in both, the image's, at most 640 on the longer side; in one, the length that keeps the
+  /// image's proportions, at most four times the fixed one; rounded up to multiples of 32.
   cv::Size input_size;
   DecoderSettings decoding;
 
@@ -58,6 +59,12 @@ struct NetworkSegmenterSettings {
     if (d.max_instances < 1) fail("max_instances", "at least 1", d.max_instances);
     for (const int length : {input_size.width, input_size.height})
       if (length < 0 || length > 8192) fail("input_size", "0 to 8192", length);
+    if ((input_size.width == 0) != (input_size.height == 0))
+      throw Error(
+          "NetworkSegmenterSettings.input_size: expected both width and height, or neither "
+          "(the model's own), found " +
+          std::to_string(input_size.width) + "x" + std::to_string(input_size.height) +
+          " (W x H); give the " + (input_size.width == 0 ? "width" : "height") + ", too");
   }
 };
 
@@ -76,7 +83,8 @@ class NetworkSegmenter : public Segmenter {
     settings_.check();
     const cv::Size fixed = runtime_->input_size(), wanted = settings_.input_size;
     const auto text = [](const cv::Size& s) {
-      return std::to_string(s.width) + "x" + std::to_string(s.height);
+      const auto length = [](int n) { return n > 0 ? std::to_string(n) : std::string("?"); };
+      return length(s.width) + "x" + length(s.height);
     };
     const auto agree = [](int length, int other) { return length == 0 || other == length; };
     if (wanted.area() > 0 &&
@@ -85,7 +93,7 @@ class NetworkSegmenter : public Segmenter {
                   text(fixed) + ", found NetworkSegmenterSettings.input_size " + text(wanted) +
                   "; leave it out, or export the model with another");
     size_ = wanted.area() > 0 ? wanted : fixed;
-    const cv::Size trial = size_.area() > 0 ? size_ : cv::Size(320, 320);
+    const cv::Size trial = complete_input_size(size_, cv::Size(320, 320));
     const std::vector<float> grey(3 * static_cast<std::size_t>(trial.area()), 0.5f);
     const std::vector<TensorView> outputs = runtime_->run(grey, trial);
     decoder_ = choose_decoder(runtime_->name(), settings_.decoder, outputs, trial);
@@ -95,7 +103,7 @@ class NetworkSegmenter : public Segmenter {
   /// Segments a frame's color picture. Throws Error if the network fails or gives NaN.
   Segmentation segment(const RgbdFrame& frame) override {
     check_frame(frame);
-    const cv::Size size = size_.area() > 0 ? size_ : size_for(frame.color.size());
+    const cv::Size size = complete_input_size(size_, frame.color.size());
     const NetworkInput input = decoder_->input();
     const PicturePlacement place = place_picture(frame.color.size(), size, input.fit);
     const std::vector<TensorView> outputs =
@@ -129,17 +137,9 @@ class NetworkSegmenter : public Segmenter {
                   "; set NetworkSegmenterSettings.class_names");
   }
 
-  static cv::Size size_for(const cv::Size& picture) {
-    const double r = std::min(1.0, 640.0 / std::max(picture.width, picture.height));
-    const auto round_up = [r](int length) {
-      return std::max(32, 32 * static_cast<int>(std::ceil(std::lround(length * r) / 32.0)));
-    };
-    return {round_up(picture.width), round_up(picture.height)};
-  }
-
   std::unique_ptr<NetworkRuntime> runtime_;
   Settings settings_;
-  cv::Size size_;  // empty: by the picture
+  cv::Size size_;  // a length is 0 where the image decides
   std::unique_ptr<Decoder> decoder_;
   int class_count_ = 0;
   InputPreparer preparer_;

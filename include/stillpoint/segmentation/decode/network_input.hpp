@@ -55,6 +55,29 @@ struct PicturePlacement {
   }
 };
 
+/// The input size for an image: `fixed`, with the lengths that are open in it (0) chosen so that
+/// the image's proportions are kept. Both open: the image's size, but at most 640 on the longer
+/// side. One: by the fixed one, at most four times
+/// as long. What is chosen is rounded up to a multiple of 32, the largest stride of the networks
+/// that have a decoder. O(1).
+inline cv::Size complete_input_size(const cv::Size& fixed, const cv::Size& image) {
+  static constexpr int kStride = 32;
+  static constexpr double kLongest = 640, kMostStretched = 4;
+  const auto round_up = [](double length) {
+    const double strides = std::ceil(static_cast<double>(std::lround(length)) / kStride);
+    return kStride * std::max(1, static_cast<int>(strides));
+  };
+  const auto open_length = [&](int known, int image_open, int image_known) {
+    const double ratio = static_cast<double>(image_open) / image_known;
+    return round_up(known * std::min(ratio, kMostStretched));
+  };
+  if (fixed.width > 0 && fixed.height > 0) return fixed;
+  if (fixed.width > 0) return {fixed.width, open_length(fixed.width, image.height, image.width)};
+  if (fixed.height > 0) return {open_length(fixed.height, image.width, image.height), fixed.height};
+  const double r = std::min(1.0, kLongest / std::max(image.width, image.height));
+  return {round_up(image.width * r), round_up(image.height * r)};
+}
+
 /// Where a picture goes in an input of that size. O(1).
 inline PicturePlacement place_picture(const cv::Size& picture, const cv::Size& input,
                                       NetworkInput::Fit fit) {
