@@ -69,6 +69,7 @@ class MapTracking {
     stats_ = Stats();
     stats_.keypoints = static_cast<int>(current_.frame.size());
     for (const FrameKeypoint& k : current_.frame.keypoints) stats_.with_depth += k.depth_m > 0;
+    after_keyframe_ = new_keyframe_ != kNone;
     new_keyframe_ = kNone;
     bool ok = false;
     if (map.keyframe_count() == 0) {
@@ -274,7 +275,10 @@ class MapTracking {
   }
 
   bool keyframe_due(const Map& map, bool mapper_busy) const {
-    if (!clock_.reached_since(keyframe_s_, settings_.min_keyframe_gap_s)) return false;
+    // However slow the camera, never two frames in a row: the second would be judged by nothing but
+    // what the first, which may be wrong, has put into the map.
+    if (after_keyframe_ || !clock_.reached_since(keyframe_s_, settings_.min_keyframe_gap_s))
+      return false;
     // Points of the reference that are worth finding: seen more than once, once there was time.
     const int min_observations = map.keyframe_count() <= 2 ? 1 : 2;
     int reference_points = 0;
@@ -324,7 +328,7 @@ class MapTracking {
   KeyframeId new_keyframe_ = kNone;
   std::optional<Eigen::Isometry3d> motion_;
   double motion_dt_ = 0;
-  bool tracking_ = false;
+  bool tracking_ = false, after_keyframe_ = false;
   FrameClock clock_;
   double keyframe_s_ = 0;               // when the last keyframe was made
   std::optional<double> lost_since_s_;  // the first lost frame's
