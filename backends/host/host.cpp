@@ -140,6 +140,9 @@ void HostFrontEnd::compute_mask(const RgbdFrame& frame, const Segmentation& segm
 
 void HostFrontEnd::correct_pose(double timestamp, const cv::Matx44d& T_world_camera) {
   Impl& a = *impl_;
+  detail::check(std::isfinite(timestamp), [&] {
+    return "correct_pose: timestamp: expected seconds, found " + std::to_string(timestamp);
+  });
   Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
   for (int r = 0; r < 3; ++r)
     for (int c = 0; c < 4; ++c) T.matrix()(r, c) = T_world_camera(r, c);

@@ -228,6 +228,8 @@ TEST(Host, SlipsAreErrorsThatSayWhat) {
   cv::Matx44d nan = cv::Matx44d::eye();
   nan(0, 3) = std::nan("");
   EXPECT_ERROR(front_end.correct_pose(kStart_s, nan), "rotation");
+  EXPECT_ERROR(front_end.correct_pose(std::nan(""), cv::Matx44d::eye()), "timestamp", "seconds",
+               "found nan");
   feed(front_end, kStart_s);
   Features f;
   cv::Mat fewer = f.descriptors.rowRange(0, 10);

@@ -666,7 +666,7 @@ TEST(SlamSystem, ClosesALoop) {
   int loops[3] = {0, 0, 0};
   std::vector<RgbdFrame> frames;
   for (int step = 0; step < kFrames; ++step)
-    frames.push_back(test_scene::render(around(step), step));
+    frames.push_back(test_scene::render(around(step), step / 30.0));
   for (const int mode : {kOff, kOn, kThreaded}) {
     SlamSystem::Settings settings = small_settings();
     settings.loops.enabled = mode != kOff;
@@ -726,6 +726,13 @@ TEST(SlamSystem, ThreadsGiveTheSameWithinNoise) {
     ASSERT_TRUE(feed(slam, test_scene::render(test_scene::path(3 * step), step * 0.1))) << step;
   slam.finish();
   EXPECT_LT(worst_error(slam.trajectory(), sway), 0.03);
+}
+
+TEST(SlamSystem, RefusesNumbersThatAreNotFinite) {
+  test_scene::expect_only_finite_numbers(
+      [](const Camera& camera, std::unique_ptr<FeatureExtractor> extractor) {
+        return std::make_unique<SlamSystem>(camera, small_settings(), std::move(extractor));
+      });
 }
 
 TEST(SlamSystem, NeverWritesIntoTheCallersImage) {

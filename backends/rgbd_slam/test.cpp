@@ -352,6 +352,13 @@ TEST(RgbdOdometry, IsDeterministic) {
   }
 }
 
+TEST(RgbdOdometry, RefusesNumbersThatAreNotFinite) {
+  test_scene::expect_only_finite_numbers(
+      [](const Camera& camera, std::unique_ptr<FeatureExtractor> extractor) {
+        return std::make_unique<RgbdOdometry>(camera, small_settings(), std::move(extractor));
+      });
+}
+
 // A grey image must not become the memory that the next color image is converted into.
 TEST(RgbdOdometry, NeverWritesIntoTheCallersImage) {
   RgbdOdometry tracker(test_scene::camera(), small_settings());

@@ -115,6 +115,32 @@ TEST(StellaVslam, CanLeaveTheMaskToTheExtractor) {
   EXPECT_FALSE(slam.fed.back()->frm_obs_.undist_keypts_.empty());
 }
 
+TEST(StellaVslam, TakesAPoseThatIsNotFiniteForALostHost) {
+  const FlatScene scene = large_scene();
+  for (const double bad : {std::nan(""), HUGE_VAL}) {
+    std::vector<cv::Mat> masks[2];
+    for (const bool spoiled : {false, true}) {
+      stella_vslam::system slam(nullptr, "");
+      int frame_number = 0;
+      slam.pose_of = [&](double) -> std::shared_ptr<Eigen::Matrix4d> {
+        if (frame_number == 3 && !spoiled) return nullptr;
+        Eigen::Matrix4d T = Eigen::Matrix4d::Identity();
+        T(0, 3) = frame_number == 3 ? bad : 0.01 * frame_number;
+        return std::make_shared<Eigen::Matrix4d>(T);
+      };
+      FrontEnd front_end(FrontEndSettings::with_motion(), scene.camera());
+      Adapter adapter(slam, front_end, scene.camera());
+      for (; frame_number < 10; ++frame_number) {
+        adapter.track_rgbd(scene.frame(kStart_s + frame_number / 30.0, {walker(frame_number)}),
+                           seen(walker(frame_number)));
+        masks[spoiled].push_back(front_end.mask().image.clone());
+      }
+    }
+    for (std::size_t i = 0; i < masks[0].size(); ++i)
+      EXPECT_EQ(cv::norm(masks[0][i], masks[1][i], cv::NORM_INF), 0) << i;
+  }
+}
+
 TEST(StellaVslam, HandsThePoseBackAndSurvivesALostHost) {
   const FlatScene scene = large_scene();
   stella_vslam::system slam(nullptr, "");

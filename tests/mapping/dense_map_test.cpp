@@ -3,7 +3,11 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <limits>
+#include <utility>
+
+#include "../io/temporary_folder.hpp"
 
 namespace {
 
@@ -127,6 +131,20 @@ TEST(DenseMap, UndistortsTheLens) {
   for (int i = 0; i < 3; ++i)
     distorted.integrate(wall(2), bent, DynamicMask(), Eigen::Isometry3d::Identity());
   EXPECT_EQ(distorted.size(), before);
+}
+
+TEST(DenseMap, RefusesAPoseThatIsNotFinite) {
+  DenseMap map;
+  for (const double bad : {std::nan(""), std::numeric_limits<double>::infinity()})
+    for (const auto& [row, column] : {std::pair<int, int>{0, 0}, {1, 3}}) {
+      Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+      T.matrix()(row, column) = bad;
+      EXPECT_ERROR(map.integrate(wall(2), camera(), DynamicMask(), T), "T_world_camera",
+                   "found NaN or infinity");
+    }
+  EXPECT_EQ(map.size(), 0u);
+  map.integrate(wall(2), camera(), DynamicMask(), Eigen::Isometry3d::Identity());
+  EXPECT_GT(map.size(), 0u);
 }
 
 TEST(DenseMap, RefusesWrongInput) {

@@ -62,7 +62,8 @@ class DenseMap {
 
   /// Adds a frame taken with `camera` (distorted or not) from `T_world_camera`. `mask.image` may be
   /// empty: nothing is dynamic. A frame without depth changes nothing. Throws Error for a frame,
-  /// mask or camera that breaks its own description.
+  /// mask or camera that breaks its own description, and for a pose with a number that is not
+  /// finite.
   void integrate(const RgbdFrame& frame, const Camera& camera, const DynamicMask& mask,
                  const Eigen::Isometry3d& T_world_camera) {
     check_frame(frame);
@@ -76,6 +77,12 @@ class DenseMap {
                            detail::size_text(frame.color) + ", found " +
                            detail::type_text(mask.image) + " " + detail::size_text(mask.image);
                   });
+    detail::check(T_world_camera.matrix().allFinite(), [] {
+      return std::string(
+          "DenseMap::integrate: T_world_camera: expected a rotation and a translation, found NaN "
+          "or "
+          "infinity; leave out frames without a pose");
+    });
     if (frame.depth.empty()) return;
     ++frames_;
     if (settings_.carve) carve(frame, camera, T_world_camera.inverse());

@@ -50,7 +50,7 @@ class FrameHistory {
   }
 
   /// Keeps a frame: copies its depth, O(pixels). An earlier timestamp than the newest one's starts
-  /// the history anew.
+  /// the history anew. A motion that is not finite is none.
   void add(const RgbdFrame& frame, const std::optional<Eigen::Isometry3d>& T_current_last) {
     if (!frames_.empty() && frame.timestamp <= frames_.back().timestamp) keep(0);
     while (!frames_.empty() &&
@@ -64,7 +64,8 @@ class FrameHistory {
     }
     entry.timestamp = frame.timestamp;
     entry.units_per_m = frame.depth_units_per_m;
-    entry.T_this_last = T_current_last;
+    entry.T_this_last.reset();
+    if (T_current_last && T_current_last->matrix().allFinite()) entry.T_this_last = T_current_last;
     frame.depth.copyTo(entry.depth);
     entry.tracks.clear();
     frames_.push_back(std::move(entry));
@@ -85,8 +86,10 @@ class FrameHistory {
       frames_.back().tracks.push_back({object.id, object.box(), object.center(), object.depth_m()});
   }
 
-  /// Tells the pose that the host tracked for the newest frame: better than its prediction.
+  /// Tells the pose that the host tracked for the newest frame: better than its prediction. One
+  /// that is not finite is none.
   void correct(const Eigen::Isometry3d& T_world_camera) {
+    if (!T_world_camera.matrix().allFinite()) return;
     if (last_pose_ && !frames_.empty()) {
       const Eigen::Isometry3d T = T_world_camera.inverse() * *last_pose_;
       std::optional<Eigen::Isometry3d>& told = frames_.back().T_this_last;

@@ -150,7 +150,8 @@ class StellaVslam {
   }
 
   void hand_back(double timestamp, const Eigen::Matrix4d* pose) {
-    if (!pose) {
+    // A pose that is not finite would spoil later predictions: the host is lost.
+    if (!pose || !pose->allFinite()) {
       velocity_.reset();
       return;
     }

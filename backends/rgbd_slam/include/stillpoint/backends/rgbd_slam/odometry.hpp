@@ -19,7 +19,7 @@
 #include "stillpoint/backends/rgbd_slam/patch.hpp"
 #include "stillpoint/backends/rgbd_slam/pnp.hpp"
 #include "stillpoint/backends/rgbd_slam/pose_optimizer.hpp"
-#include "stillpoint/core/error.hpp"
+#include "stillpoint/backends/rgbd_slam/tracker_input.hpp"
 #include "stillpoint/tracking/tracker.hpp"
 
 namespace stillpoint::rgbd_slam {
@@ -60,9 +60,7 @@ class RgbdOdometry final : public Tracker {
   RgbdOdometry(const Camera& camera, const Settings& settings,
                std::unique_ptr<FeatureExtractor> extractor = nullptr)
       : camera_(camera), settings_(settings), extractor_(std::move(extractor)) {
-    detail::check(camera.valid(), [] {
-      return std::string("RgbdOdometry: expected a camera with focal lengths, found none");
-    });
+    check_camera("RgbdOdometry", camera);
     if (!extractor_) extractor_ = std::make_unique<OrbExtractor>(settings.features);
   }
 
@@ -70,17 +68,19 @@ class RgbdOdometry final : public Tracker {
                                            const DynamicMask& mask) override {
     check_frame(frame);
     copy_gray(frame, gray_);
-    extractor_->extract(gray_, mask.image, features_);
+    try {
+      extractor_->extract(gray_, mask.image, features_);
+      check_features("RgbdOdometry::extract", features_, extractor_->levels());
+    } catch (...) {
+      features_ = Features();  // nothing that a track() could take
+      throw;
+    }
     return features_.keypoints;
   }
 
   std::optional<Eigen::Isometry3d> track(const RgbdFrame& frame, const DynamicMask&,
                                          const Selection& selection) override {
-    detail::check(selection.size() == features_.keypoints.size(), [&] {
-      return "RgbdOdometry::track: expected a selection of the " +
-             std::to_string(features_.keypoints.size()) +
-             " keypoints of the last extract(), found " + std::to_string(selection.size());
-    });
+    check_track("RgbdOdometry", frame, gray_.size(), selection, features_);
     current_ = KeypointFrame(frame, camera_, features_, selection.kept, extractor_->scale_factor(),
                              settings_.depth);
     pyramid_.build(gray_, extractor_->levels(), extractor_->scale_factor());

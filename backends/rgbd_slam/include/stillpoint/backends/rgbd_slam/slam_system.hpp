@@ -21,6 +21,7 @@
 #include "stillpoint/backends/rgbd_slam/map.hpp"
 #include "stillpoint/backends/rgbd_slam/map_tracking.hpp"
 #include "stillpoint/backends/rgbd_slam/place_index.hpp"
+#include "stillpoint/backends/rgbd_slam/tracker_input.hpp"
 #include "stillpoint/backends/rgbd_slam/worker.hpp"
 #include "stillpoint/core/error.hpp"
 #include "stillpoint/tracking/tracker.hpp"
@@ -60,9 +61,7 @@ class SlamSystem final : public Tracker {
   SlamSystem(const Camera& camera, const Settings& settings,
              std::unique_ptr<FeatureExtractor> extractor = nullptr)
       : settings_(settings), extractor_(std::move(extractor)) {
-    detail::check(camera.valid(), [] {
-      return std::string("SlamSystem: expected a camera with focal lengths, found none");
-    });
+    check_camera("SlamSystem", camera);
     if (!extractor_) extractor_ = std::make_unique<OrbExtractor>(settings.features);
     optics_ = {camera, settings.noise, extractor_->levels(), extractor_->scale_factor()};
     tracking_ = std::make_unique<MapTracking>(optics_, settings.tracking);
@@ -81,18 +80,20 @@ class SlamSystem final : public Tracker {
     rethrow();
     check_frame(frame);
     copy_gray(frame, gray_);
-    extractor_->extract(gray_, mask.image, features_);
+    try {
+      extractor_->extract(gray_, mask.image, features_);
+      check_features("SlamSystem::extract", features_, optics_.levels);
+    } catch (...) {
+      features_ = Features();  // nothing that a track() could take
+      throw;
+    }
     return features_.keypoints;
   }
 
   std::optional<Eigen::Isometry3d> track(const RgbdFrame& frame, const DynamicMask&,
                                          const Selection& selection) override {
     rethrow();
-    detail::check(selection.size() == features_.keypoints.size(), [&] {
-      return "SlamSystem::track: expected a selection of the " +
-             std::to_string(features_.keypoints.size()) +
-             " keypoints of the last extract(), found " + std::to_string(selection.size());
-    });
+    check_track("SlamSystem", frame, gray_.size(), selection, features_);
     KeypointFrame keypoints(frame, optics_.camera, features_, selection.kept, optics_.scale_factor,
                             settings_.depth);
     pyramid_.build(gray_, optics_.levels, optics_.scale_factor);

@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "stillpoint/segmentation/frame_history.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+namespace {
+
+using namespace stillpoint;
+
+RgbdFrame frame_at(double timestamp) {
+  RgbdFrame frame;
+  frame.color = cv::Mat::zeros(4, 4, CV_8UC1);
+  frame.timestamp = timestamp;
+  return frame;
+}
+
+Eigen::Isometry3d moved(double x) { return Eigen::Isometry3d(Eigen::Translation3d(x, 0, 0)); }
+
+TEST(FrameHistory, TakesAMotionThatIsNotFiniteForNone) {
+  for (const double bad : {std::nan(""), HUGE_VAL}) {
+    FrameHistory history(10);
+    history.add(frame_at(1), moved(0));
+    history.add(frame_at(2), moved(bad));
+    history.add(frame_at(3), moved(0.01));
+    EXPECT_FALSE(history.motion(0, 2));
+    ASSERT_TRUE(history.motion(1, 2));
+    EXPECT_TRUE(history.motion(1, 2)->isApprox(moved(0.01)));
+  }
+}
+
+TEST(FrameHistory, TakesAPoseThatIsNotFiniteForNone) {
+  for (const double bad : {std::nan(""), HUGE_VAL}) {
+    FrameHistory history(10);
+    for (int i = 0; i < 5; ++i) {
+      history.next_frame();
+      history.add(frame_at(i), std::nullopt);
+      history.correct(moved(i == 2 ? bad : -0.01 * i));
+    }
+    EXPECT_TRUE(history.motion(0, 1));
+    EXPECT_FALSE(history.motion(1, 2)) << "the host is lost";
+    EXPECT_FALSE(history.motion(2, 3));
+    ASSERT_TRUE(history.motion(3, 4));
+    EXPECT_TRUE(history.motion(3, 4)->isApprox(moved(0.01)));
+  }
+}
+
+}  // namespace
