@@ -186,7 +186,8 @@ void expect_only_finite_numbers(const Make& make) {
         }
         stillpoint::Selection wrong = keep_all(n);
         wrong.kept.back() = static_cast<int>(n);
-        EXPECT_ERROR(tracker->track(frame, {}, wrong), "selection.kept", std::to_string(n).c_str());
+        const std::string found = "found " + std::to_string(n);
+        EXPECT_ERROR(tracker->track(frame, {}, wrong), "selection.kept", found.c_str());
         stillpoint::RgbdFrame small = frame;
         small.color = frame.color(cv::Rect(0, 0, 64, 48)), small.depth.release();
         EXPECT_ERROR(tracker->track(small, {}, keep_all(n)), "320x240", "found 64x48");
