@@ -13,11 +13,15 @@ namespace {
 
 void run(benchmark::State& state, const Scene& scene) {
   cv::setNumThreads(1);
-  MotionCheck check(MotionCheckSettings(), scene.camera);
+  FrameContext context;
+  EgoMotion ego;
+  MotionCheck check;
   Player player(scene);
   const cv::Mat nobody = cv::Mat::zeros(scene.frames[0].color.size(), CV_8UC1);
   for (auto _ : state) {
-    benchmark::DoNotOptimize(check.find(player.next(), std::nullopt).data());
+    context.begin(player.next(), scene.camera);
+    ego.track(context, std::nullopt);
+    benchmark::DoNotOptimize(check.find(context, ego).data());
     check.remember(nobody);
   }
 }
@@ -40,14 +44,13 @@ void BM_CameraMotion(benchmark::State& state) {
   cv::setNumThreads(1);
   const Scene& scene = rendered_scene();
   CameraMotion motion;
-  DepthView view;
+  FrameContext context;
   Player player(scene);
   Eigen::Isometry3d last = Eigen::Isometry3d::Identity();
   double followed = 0;
   for (auto _ : state) {
-    const RgbdFrame& frame = player.next();
-    view.set(frame, scene.camera);
-    const auto found = motion.add(frame, view, last, [](int, int) { return false; });
+    context.begin(player.next(), scene.camera);
+    const auto found = motion.add(context, last);
     if (found) last = found->T_current_last;
     followed += static_cast<double>(motion.followed());
   }

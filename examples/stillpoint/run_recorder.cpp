@@ -20,9 +20,9 @@ using Json = nlohmann::ordered_json;
 
 /// Sharpness of the edges, about 1: perfect steps; NaN: there are too few. Unlike Blur::sharpness
 /// it does not depend on earlier frames, so that sequences can be compared.
-double sharpness(const PictureBlur& blur) {
+double sharpness(const ImageBlur& blur) {
   constexpr double kOfPerfectSteps = 1.0 / 6;
-  return PictureBlur::ratio(blur.total) / kOfPerfectSteps;
+  return ImageBlur::ratio(blur.total) / kOfPerfectSteps;
 }
 
 }  // namespace

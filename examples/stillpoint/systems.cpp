@@ -242,8 +242,8 @@ void change_setting(FrontEndSettings& settings, const std::string& name, double 
   offer("decay_per_px", settings.probability.decay_per_px);
   offer("threshold", settings.probability.threshold);
   offer("min_kept", settings.probability.min_kept);
-  offer("min_moved_cells", settings.motion.min_moved_cells);
-  offer("min_moved_share", settings.motion.min_moved_share);
+  offer("min_moved_cells", settings.motion.movers.min_moved_cells);
+  offer("min_moved_share", settings.motion.movers.min_moved_share);
   if (!found) throw Error("--vary: expected one of " + names + "; found \"" + name + "\"");
 }
 

@@ -3,8 +3,10 @@
 
 #include <Eigen/Geometry>
 #include <chrono>
+#include <cmath>
 #include <cstdint>
 #include <exception>
+#include <limits>
 #include <opencv2/core.hpp>
 #include <optional>
 #include <string>
@@ -13,6 +15,7 @@
 #include "stillpoint/core/blur.hpp"
 #include "stillpoint/core/camera.hpp"
 #include "stillpoint/core/frame.hpp"
+#include "stillpoint/core/frame_context.hpp"
 #include "stillpoint/core/instance.hpp"
 #include "stillpoint/core/mask.hpp"
 #include "stillpoint/core/selection.hpp"
@@ -21,11 +24,13 @@
 #include "stillpoint/keypoints/grid_neighbor_search.hpp"
 #include "stillpoint/keypoints/probabilistic_keypoint_filter.hpp"
 #include "stillpoint/motion/blur_meter.hpp"
+#include "stillpoint/motion/ego_motion.hpp"
 #include "stillpoint/motion/motion_check.hpp"
 #include "stillpoint/segmentation/dynamic_class.hpp"
 #include "stillpoint/segmentation/forward_predictor.hpp"
 #include "stillpoint/segmentation/segmentation_compensator.hpp"
 #include "stillpoint/segmentation/segmenter.hpp"
+#include "stillpoint/sensor/sensor_model.hpp"
 
 namespace stillpoint {
 
@@ -35,8 +40,11 @@ struct FrontEndSettings {
   DepthMaskFuserSettings depth;
   KeypointFilterSettings probability;
   MotionCheckSettings motion;
+  EgoMotionSettings ego;
   LateSegmentationSettings late;
   BlurMeterSettings blur;
+  /// What the camera's measurements are worth.
+  SensorModel sensor;
   bool use_compensation = true;
   bool use_depth = true;
   bool use_probability = true;
@@ -108,7 +116,9 @@ class BasicFrontEnd {
                          Segmenter* segmenter = nullptr)
       : settings_(settings),
         segmenter_(segmenter),
-        motion_(settings.motion, camera),
+        camera_(camera),
+        ego_(ego_settings(settings)),
+        motion_(settings.motion, settings.sensor),
         blur_(settings.blur, camera),
         predictor_(settings.late, settings.compensation, camera),
         compensator_(settings.compensation, camera),
@@ -117,6 +127,12 @@ class BasicFrontEnd {
     check_dynamic_classes(settings.dynamic_classes,
                           segmenter ? segmenter->classes() : std::vector<std::string>());
   }
+
+  // Its parts refer to each other's masks: one object, one camera.
+  BasicFrontEnd(const BasicFrontEnd&) = delete;
+  BasicFrontEnd& operator=(const BasicFrontEnd&) = delete;
+  BasicFrontEnd(BasicFrontEnd&&) = default;
+  BasicFrontEnd& operator=(BasicFrontEnd&&) = default;
 
   const Settings& settings() const { return settings_; }
 
@@ -166,9 +182,12 @@ class BasicFrontEnd {
 
   /// Tells the pose that the host tracked for the last frame, for the motion check and for late
   /// segmentations. The origin is the host's own; a jump (loop closing, relocalisation) is noticed.
+  /// A pose that is not finite, or no rigid motion, is refused: kPoseRefused.
   void correct_pose(const Eigen::Isometry3d& T_world_camera) {
-    predictor_.correct(T_world_camera);
-    if (settings_.use_motion) motion_.correct(T_world_camera);
+    ego_.correct(T_world_camera);
+    stats_.status |= ego_.status();
+    predictor_.set_motion(ego_.motion());
+    if (settings_.use_motion) motion_.correct(ego_);
   }
 
   /// Judges the host's keypoints against the last mask; see ProbabilisticKeypointFilter::filter().
@@ -196,7 +215,9 @@ class BasicFrontEnd {
     return union_of((settings_.use_compensation ? compensator_.mended() : dynamic_).instances);
   }
   /// The mask after compensation and depth fusion, before dilation.
-  const cv::Mat& undilated_mask() const { return fuser_.undilated(); }
+  cv::Mat undilated_mask() const { return fuser_.undilated().clone(); }
+  /// Where the camera is by all that is known, and how it moves.
+  const EgoMotion& ego_motion() const { return ego_; }
   /// The objects of the last frame with their final masks, before dilation, and their blur.
   const std::vector<Instance>& instances() const { return fuser_.instances(); }
   /// What was done with the last frame.
@@ -218,58 +239,46 @@ class BasicFrontEnd {
     check_frame(frame);
     check_segmentation(segmentation, frame.color.size());
     Clock::time_point start = Clock::now();
-    std::optional<Eigen::Isometry3d> T = T_current_last;
-    const std::vector<Instance>* movers = nullptr;
-    if (settings_.use_motion) {
-      movers = &motion_.find(frame, T_current_last);
-      T = motion_.motion();
-    }
+    context_.begin(frame, camera_);
+    ego_.track(context_, T_current_last);
+    if (settings_.use_motion) motion_.find(context_, ego_);
     stats_.motion_ms = milliseconds_since(start);
 
     start = Clock::now();
-    const PictureBlur& blur = blur_.measure(frame, T);
-    keep_dynamic(frame, segmentation, T);
-    stats_.moving = movers ? static_cast<int>(movers->size()) : 0;
-    if (movers) dynamic_.instances.insert(dynamic_.instances.end(), movers->begin(), movers->end());
+    blur_.measure(context_);
+    keep_dynamic(segmentation);
     const Segmentation* instances = &dynamic_;  // the segmenter's and the movers
-    SegmentationCompensator::ClearStatic clear_static;
-    KnownStatic known_static;
-    if (settings_.use_motion) {
-      clear_static = [this](const cv::Rect& area, cv::Mat& mask, bool wide_only) {
-        motion_.clear_static(area, mask, wide_only);
-      };
-      known_static = [this](const cv::Point& pixel) { return motion_.known_static(pixel); };
-    }
     if (settings_.use_compensation)
-      instances = &compensator_.mend(frame, dynamic_, T, &blur, clear_static);
+      instances = &compensator_.mend(context_, dynamic_);
     else
-      for (Instance& s : dynamic_.instances) s.blur = blur.in(s.box);
+      for (Instance& s : dynamic_.instances) s.blur = context_.blur.in(s.box);
     stats_.compensation_ms = milliseconds_since(start);
 
     start = Clock::now();
-    const DynamicMask& fused = fuser_.fuse(frame, *instances, settings_.use_depth,
-                                           settings_.late.widening_px(age_s()), T, known_static);
+    mask_.image.release();  // for the fuser to use it again, unless the caller holds it
+    const DynamicMask& fused =
+        fuser_.fuse(context_, *instances, settings_.use_depth, settings_.late.widening_px(age_s_));
     if (settings_.use_compensation)
       compensator_.remember(
-          frame, settings_.compensation.use_depth ? fuser_.instances() : instances->instances);
+          context_, settings_.compensation.use_depth ? fuser_.instances() : instances->instances);
     stats_.depth_ms = milliseconds_since(start);
 
     if (settings_.use_motion) {
       start = Clock::now();
       motion_.remember(fuser_.undilated());
+      ego_.remember(fuser_.undilated());
       stats_.motion_ms += milliseconds_since(start);
     }
 
     mask_.image = fused.image;
     mask_.timestamp = frame.timestamp;
-    mask_.age_s = age_s();
+    mask_.age_s = age_s_;
     predictor_.remember(compensator_.objects());
-    report(frame, instances->instances.size());
+    report(instances->instances.size());
   }
 
-  // Of the segmentation, predicted forward if it is late, what is dynamic.
-  void keep_dynamic(const RgbdFrame& frame, const Segmentation& segmentation,
-                    const std::optional<Eigen::Isometry3d>& T_current_last) {
+  // Of the segmentation, predicted forward if it is late, what is dynamic, and the movers.
+  void keep_dynamic(const Segmentation& segmentation) {
     dynamic_.available = segmentation.available;
     dynamic_.timestamp = segmentation.timestamp;
     dynamic_.instances.clear();
@@ -278,24 +287,34 @@ class BasicFrontEnd {
         if (is_dynamic(s, settings_.dynamic_classes)) dynamic_.instances.push_back(s);
     raw_instances_ = dynamic_.instances;
     // Without a segmenter, nothing can come late.
-    if (segmenter_ || &segmentation != &segmented_)
-      predictor_.forward(frame, T_current_last, dynamic_);
+    if (segmenter_ || &segmentation != &segmented_) predictor_.forward(context_, dynamic_);
+    const std::vector<Instance>& movers = motion_.found();
+    dynamic_.instances.insert(dynamic_.instances.end(), movers.begin(), movers.end());
+    if (ego_.status() & kTimestampOrder)
+      newest_result_s_ = -std::numeric_limits<double>::infinity();
+    const double now_s = context_.frame.timestamp;
+    if (dynamic_.available)
+      newest_result_s_ = dynamic_.timestamp < now_s ? dynamic_.timestamp : now_s;
+    age_s_ = now_s - newest_result_s_;
   }
 
-  double age_s() const {
-    return settings_.use_compensation ? compensator_.age_s() : predictor_.age_s();
+  static EgoMotionSettings ego_settings(const Settings& settings) {
+    EgoMotionSettings ego = settings.ego;
+    ego.measure = ego.measure && settings.use_motion;
+    return ego;
   }
 
-  void report(const RgbdFrame& frame, std::size_t instances) {
-    stats_.timestamp = frame.timestamp;
-    stats_.blur = blur_.blur().whole;
-    stats_.status = fuser_.status() | predictor_.status();
+  void report(std::size_t instances) {
+    stats_.timestamp = context_.frame.timestamp;
+    stats_.blur = context_.blur.whole;
+    stats_.status = fuser_.status() | predictor_.status() | ego_.status();
+    stats_.moving = static_cast<int>(motion_.found().size());
     stats_.restored = 0;
+    if (!dynamic_.available) stats_.status |= kNoSegmentation;
+    if (std::isinf(age_s_)) stats_.status |= kNeverSegmented;
     if (settings_.use_compensation) {
       stats_.status |= compensator_.status();
       stats_.restored = compensator_.restored();
-    } else if (!dynamic_.available) {
-      stats_.status |= kNoSegmentation;
     }
     stats_.instances = static_cast<int>(instances);
     stats_.mask_age_s = mask_.age_s;
@@ -307,6 +326,9 @@ class BasicFrontEnd {
 
   Settings settings_;
   Segmenter* segmenter_;
+  Camera camera_;
+  FrameContext context_;
+  EgoMotion ego_;
   MotionCheck motion_;
   BlurMeter blur_;
   ForwardPredictor predictor_;
@@ -316,6 +338,8 @@ class BasicFrontEnd {
   Segmentation segmented_, dynamic_;
   std::vector<Instance> raw_instances_;
   DynamicMask mask_;
+  double newest_result_s_ = -std::numeric_limits<double>::infinity();
+  double age_s_ = std::numeric_limits<double>::infinity();  // of it, at the last frame
   FrameStats stats_;
 };
 

@@ -77,12 +77,12 @@ TEST(DepthView, KnowsTheRays) {
   camera.fx = 500, camera.fy = 400, camera.cx = 3, camera.cy = 2;
   DepthView view;
   view.set(frame_of(cv::Mat::zeros(4, 6, CV_16UC1)), camera);
-  EXPECT_FLOAT_EQ(view.ray_x(8), 0.01f);
-  EXPECT_FLOAT_EQ(view.ray_y(6), 0.01f);
+  EXPECT_FLOAT_EQ(view.ray({8, 6}).x(), 0.01f);
+  EXPECT_FLOAT_EQ(view.ray({8, 6}).y(), 0.01f);
   EXPECT_EQ(view.focal_px(), 500);
   view.set(frame_of(cv::Mat::zeros(4, 6, CV_16UC1)), Camera());
   EXPECT_FLOAT_EQ(view.focal_px(), 5.4f) << "0.9 widths without a camera";
-  EXPECT_FLOAT_EQ(view.ray_x(2.5f), 0);
+  EXPECT_FLOAT_EQ(view.lens().ray(2.5f, 0).x(), 0);
 }
 
 }  // namespace

@@ -73,10 +73,12 @@ TEST(FrontEnd, RunsTheComponentsInThePapersOrder) {
     ProbabilisticKeypointFilter<> filter(settings.probability);
     for (int i = 0; i < 20; ++i) {
       const RgbdFrame frame = walk.frame(i);
-      const PictureBlur& blur = meter.measure(frame, {});
-      const Segmentation& mended = compensator.mend(frame, walk.damaged(i), {}, &blur);
-      const DynamicMask& expected = fuser.fuse(frame, mended);
-      compensator.remember(frame,
+      FrameContext context;
+      context.begin(frame, walk.scene.camera());
+      meter.measure(context);
+      const Segmentation& mended = compensator.mend(context, walk.damaged(i));
+      const DynamicMask& expected = fuser.fuse(context, mended);
+      compensator.remember(context,
                            settings.compensation.use_depth ? fuser.instances() : mended.instances);
       const Selection& selection = filter.filter(walk.keypoints(i), expected);
 

@@ -177,7 +177,7 @@ TEST(BlurMeter, TellsPartsOfThePictureApart) {
   settings.exposure_s = 0.01;
   BlurMeter meter(settings, large_scene().camera());
   meter.measure(sharp, {});
-  const PictureBlur& blur = meter.measure(half, moved_by({0.1, 0, 0}));
+  const ImageBlur& blur = meter.measure(half, moved_by({0.1, 0, 0}));
   EXPECT_GT(blur.in(left).sharpness, 0.9);
   EXPECT_LT(blur.in(right).sharpness, 0.6);
   EXPECT_GT(blur.whole.sharpness, blur.in(right).sharpness);
@@ -188,7 +188,7 @@ TEST(BlurMeter, TellsPartsOfThePictureApart) {
   EXPECT_NEAR(blur.whole.motion_px, 2.1, 1e-6);
   for (const cv::Rect& box : {cv::Rect(3, 3, 5, 5), cv::Rect(), cv::Rect(639, 479, 1, 1)})
     EXPECT_EQ(blur.in(box).sharpness, blur.whole.sharpness);
-  EXPECT_EQ(PictureBlur().in(left).width_px(), 0);
+  EXPECT_EQ(ImageBlur().in(left).width_px(), 0);
 }
 
 TEST(BlurMeter, SaysNothingWhereNothingIsSeen) {

@@ -12,9 +12,9 @@
 #include <string>
 #include <utility>
 
+#include "check_alone.hpp"
 #include "small_camera.hpp"
 #include "stillpoint/core/random.hpp"
-#include "stillpoint/motion/motion_check.hpp"
 
 namespace stillpoint {
 namespace {
@@ -75,9 +75,9 @@ Eigen::Isometry3d pose(double x, double y, double turn_deg) {
 std::optional<CameraMotion::Estimate> add(CameraMotion& motion, const RgbdFrame& frame,
                                           const Eigen::Isometry3d& guess,
                                           const Camera& camera = small_camera()) {
-  DepthView view;
-  view.set(frame, camera);
-  return motion.add(frame, view, guess, [](int, int) { return false; });
+  FrameContext context;
+  context.begin(frame, camera);
+  return motion.add(context, guess);
 }
 
 double turn_deg(const Eigen::Isometry3d& T) {
@@ -94,7 +94,7 @@ TEST(CameraMotion, MeasuresTheMotionInAStaticWorld) {
   EXPECT_LT(error.translation().norm(), 0.004);
   EXPECT_LT(turn_deg(error), 0.08);
   EXPECT_GT(found->support, 0.8);
-  EXPECT_TRUE(motion.dissents(found->T_current_last, found->T_current_last).empty());
+  EXPECT_TRUE(motion.outlier_clusters(found->T_current_last, found->T_current_last, 0).empty());
 }
 
 TEST(CameraMotion, KeepsToTheWallAlthoughTheHostGoesWithAPersonCloseBy) {
@@ -109,11 +109,11 @@ TEST(CameraMotion, KeepsToTheWallAlthoughTheHostGoesWithAPersonCloseBy) {
   EXPECT_LT(error.translation().norm(), 0.004);
   EXPECT_LT(motion.support(with_board), found->support - 0.3);
 
-  const auto& dissents = motion.dissents(found->T_current_last, found->T_current_last);
-  EXPECT_GT(dissents.size(), 10u);
-  for (const CameraMotion::Dissent& d : dissents) EXPECT_LT(d.depth_m, 1.5);
+  const auto& outliers = motion.outlier_clusters(found->T_current_last, found->T_current_last, 0);
+  EXPECT_GT(outliers.size(), 10u);
+  for (const CameraMotion::OutlierCorner& d : outliers) EXPECT_LT(d.depth_m, 1.5);
   // Who follows the board is believed that the board stands still.
-  EXPECT_TRUE(motion.dissents(found->T_current_last, with_board).empty());
+  EXPECT_TRUE(motion.outlier_clusters(found->T_current_last, with_board, 0).empty());
 }
 
 /// The same camera with more pixels.
@@ -140,9 +140,9 @@ TEST(CameraMotion, TreatsPicturesOfAllSizesAlike) {
     const Eigen::Isometry3d error = found->T_current_last * (second.inverse() * first).inverse();
     EXPECT_LT(error.translation().norm(), 0.004);
     EXPECT_LT(turn_deg(error), 0.08);
-    const auto& dissents = motion.dissents(found->T_current_last, found->T_current_last);
-    EXPECT_GT(dissents.size(), 10u);
-    for (const CameraMotion::Dissent& d : dissents) EXPECT_LT(d.depth_m, 1.5);
+    const auto& outliers = motion.outlier_clusters(found->T_current_last, found->T_current_last, 0);
+    EXPECT_GT(outliers.size(), 10u);
+    for (const CameraMotion::OutlierCorner& d : outliers) EXPECT_LT(d.depth_m, 1.5);
   }
 }
 
@@ -156,7 +156,7 @@ TEST(CameraMotion, BeginsAnewWhenTheSizeOfThePictureChanges) {
   EXPECT_GT(motion.followed(), 80u);
 }
 
-TEST(CameraMotion, HearsDissentsThatAreMostOfTheCorners) {
+TEST(CameraMotion, FindsOutlierClustersThatAreMostOfTheCorners) {
   const Eigen::Isometry3d first = pose(0, 0, 0), second = pose(0.01, 0, 0);
   CameraMotion motion;
   add(motion, render(0, first, 0.0, 0.38), Eigen::Isometry3d::Identity());
@@ -164,7 +164,7 @@ TEST(CameraMotion, HearsDissentsThatAreMostOfTheCorners) {
   const auto found = add(motion, render(0.03, second, -0.02, 0.38), truth);
   ASSERT_TRUE(found.has_value());
   EXPECT_LT((found->T_current_last * second).translation().norm(), 0.004);
-  EXPECT_GT(2 * motion.dissents(truth, truth).size(), motion.followed());
+  EXPECT_GT(2 * motion.outlier_clusters(truth, truth, 0).size(), motion.followed());
 }
 
 /// A static board with nothing on it but a slanted edge, in a noisy picture before a textured wall.
@@ -193,7 +193,7 @@ TEST(CameraMotion, DoesNotBelieveWhatSlidesAlongAnEdge) {
     add(motion, board_with_an_edge(0.01 * i, first), Eigen::Isometry3d::Identity());
     add(motion, board_with_an_edge(0.01 * i + 0.5, second), Eigen::Isometry3d::Identity());
     const Eigen::Isometry3d truth = second.inverse() * first;
-    alone += static_cast<int>(motion.dissents(truth, truth).size());
+    alone += static_cast<int>(motion.outlier_clusters(truth, truth, 0).size());
   }
   EXPECT_LT(alone, 12) << "25 if every error counts in full";
 }
@@ -253,7 +253,7 @@ TEST(CameraMotion, TakesPicturesOfAnySize) {
     frame.color = cv::Mat(height, width, CV_8UC1, cv::Scalar(90));
     frame.depth = cv::Mat(height, width, CV_16UC1, cv::Scalar(5000));
     CameraMotion motion;
-    MotionCheck check({}, small_camera());
+    CheckAlone check(small_camera());
     for (const double t : {0.0, 0.03}) {
       frame.timestamp = t;
       EXPECT_FALSE(add(motion, frame, T).has_value());
@@ -277,13 +277,13 @@ TEST(CameraMotion, SaysNothingWhereThereIsNothingToFollow) {
   without.depth.release();
   EXPECT_FALSE(add(motion, without, T).has_value());
   EXPECT_EQ(motion.support(T), 0);
-  EXPECT_TRUE(motion.dissents(T, T).empty());
+  EXPECT_TRUE(motion.outlier_clusters(T, T, 0).empty());
 }
 
 // Mask of what the check found in the last of some frames, where a board goes to the left and a
 // host tells what `told` makes of the camera's true x.
 cv::Mat found_mask(double (*told)(double)) {
-  MotionCheck check(MotionCheckSettings(), small_camera());
+  CheckAlone check(small_camera());
   const cv::Mat none = cv::Mat::zeros(kHeight, kWidth, CV_8UC1);
   cv::Mat mask;
   for (int i = 0; i < 12; ++i) {
@@ -310,13 +310,13 @@ TEST(MotionCheck, DoubtsAHostThatFollowsThePerson) {
 }
 
 TEST(MotionCheck, NeedsNoHostThatTellsItsMotion) {
-  MotionCheck check(MotionCheckSettings(), small_camera());
+  CheckAlone check(small_camera());
   const cv::Mat none = cv::Mat::zeros(kHeight, kWidth, CV_8UC1);
   int frames = 0;
   for (int i = 0; i < 12; ++i) {
     frames +=
         !check.find(render(0.033 * i, pose(0.05 * i, 0, 0), 0.3 - 0.05 * i), std::nullopt).empty();
-    EXPECT_EQ(check.motion().has_value(), i > 0);
+    EXPECT_EQ(check.ego.motion().has_value(), i > 0);
     check.remember(none);
   }
   EXPECT_GT(frames, 5);

@@ -8,6 +8,7 @@
 #include <opencv2/imgproc.hpp>
 #include <optional>
 
+#include "check_alone.hpp"
 #include "small_camera.hpp"
 #include "stillpoint/core/random.hpp"
 
@@ -80,7 +81,7 @@ struct Outcome {
 Outcome drive(const Eigen::Vector3d& box_speed_m_s, double turn_deg_s, int frames,
               bool with_box = true, const Eigen::Vector3d& start_m = {-0.1, 0, 1.5},
               const Eigen::Vector2d& size_m = kBoxM) {
-  MotionCheck check({}, small_camera());
+  CheckAlone check(small_camera());
   Outcome result;
   Eigen::Isometry3d last = Eigen::Isometry3d::Identity();
   for (int i = 0; i < frames; ++i) {
@@ -100,16 +101,16 @@ Outcome drive(const Eigen::Vector3d& box_speed_m_s, double turn_deg_s, int frame
     Instance standing;
     standing.box = cv::Rect(0, 0, kWidth, kHeight);
     cv::Mat moved(kHeight, kWidth, CV_8UC1, cv::Scalar(255));
-    check.clear_static(standing.box, moved, false);
+    check.context.labels.clear_static(standing.box, moved, false);
     cv::bitwise_not(moved, standing.mask);
     result.cleared = standing.mask;
     cv::Mat left(kHeight, kWidth, CV_8UC1, cv::Scalar(255));
-    check.clear_static(standing.box, left, true);
+    check.context.labels.clear_static(standing.box, left, true);
     cv::bitwise_not(left, result.cleared_wide);
     result.known_static = cv::Mat::zeros(kHeight, kWidth, CV_8UC1);
     for (int y = 0; y < kHeight; ++y)
       for (int x = 0; x < kWidth; ++x)
-        if (check.known_static({x, y})) result.known_static.at<uchar>(y, x) = 255;
+        if (check.context.labels.known_static({x, y})) result.known_static.at<uchar>(y, x) = 255;
     result.static_inside = share_of_box({standing}, box, pose, size_m, &result.static_around);
     cv::Mat dynamic = cv::Mat::zeros(kHeight, kWidth, CV_8UC1);
     for (const Instance& s : found) dynamic(s.box).setTo(255, s.mask);
@@ -133,7 +134,7 @@ TEST(MotionCheck, TellsWideStaticSurfacesFromThinOnes) {
   EXPECT_EQ(cv::countNonZero(r.cleared_wide & ~r.cleared), 0);
   EXPECT_GT(cv::countNonZero(r.cleared_wide), 0.9 * cv::countNonZero(r.cleared));
   EXPECT_EQ(cv::countNonZero(r.known_static != r.cleared_wide), 0);
-  // Opened by a cross of cells 4 pixels wide; what lies beyond the picture may be static.
+  // Opened by a cross of cells 4 pixels wide; what lies beyond the image may be static.
   const cv::Mat cross = cv::getStructuringElement(cv::MORPH_CROSS, {3, 3});
   cv::Mat cells, opened;
   cv::resize(r.cleared, cells, cv::Size(), 0.25, 0.25, cv::INTER_NEAREST);
@@ -154,7 +155,7 @@ TEST(MotionCheck, FindsAMoverThatComesNearerAndASlowOne) {
   EXPECT_GT(drive({0.2, 0, 0}, 0, 45).found, 0.3);  // 10 cm in half a second
 }
 
-TEST(MotionCheck, FindsAHandThatFillsMuchOfThePicture) {
+TEST(MotionCheck, FindsAHandThatFillsMuchOfTheImage) {
   // 100 square centimetres, at arm's length.
   const Outcome r = drive({0.3, 0, 0}, 0, 25, true, {-0.1, 0, 0.6}, {0.1, 0.1});
   EXPECT_GT(r.found, 0.55);
@@ -168,7 +169,7 @@ TEST(MotionCheck, FindsNothingInAStaticWorld) {
 }
 
 TEST(MotionCheck, SaysNothingWithoutDepthOrMotion) {
-  MotionCheck check({}, small_camera());
+  CheckAlone check(small_camera());
   for (int i = 0; i < 20; ++i) {
     RgbdFrame frame =
         render(i / 30.0, Eigen::Isometry3d::Identity(), Eigen::Vector3d(-0.1 + 0.03 * i, 0, 1.5));
@@ -182,7 +183,7 @@ TEST(MotionCheck, SaysNothingWithoutDepthOrMotion) {
 }
 
 TEST(MotionCheck, ForgetsAtACutAndAtRepeatedTimestamps) {
-  MotionCheck check({}, small_camera());
+  CheckAlone check(small_camera());
   const Eigen::Isometry3d still = Eigen::Isometry3d::Identity();
   const cv::Mat nothing = cv::Mat::zeros(kHeight, kWidth, CV_8UC1);
   const auto feed = [&](double t, double x, const Eigen::Isometry3d& motion) {
@@ -201,7 +202,7 @@ TEST(MotionCheck, ForgetsAtACutAndAtRepeatedTimestamps) {
 
 TEST(MotionCheck, FollowsTheHostsPoseNotItsPrediction) {
   // The prediction is wrong by 2 degrees each frame; the host's pose puts it right.
-  MotionCheck check({}, small_camera());
+  CheckAlone check(small_camera());
   int finds = 0;
   for (int i = 0; i < 30; ++i) {
     const Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
@@ -220,9 +221,9 @@ TEST(MotionCheck, RefusesSettingsThatMakeNoSense) {
   settings.block_px = 7;
   EXPECT_THROW(MotionCheck check(settings), Error);
   settings = {};
-  settings.min_moved_share = 2;
+  settings.movers.min_moved_share = 2;
   EXPECT_THROW(MotionCheck check(settings), Error);
-  MotionCheck check({}, small_camera());
+  CheckAlone check(small_camera());
   check.find(render(0, Eigen::Isometry3d::Identity(), std::nullopt), std::nullopt);
   EXPECT_THROW(check.remember(cv::Mat::zeros(10, 10, CV_8UC1)), Error);
 }

@@ -162,8 +162,8 @@ TEST(ForwardPredictor, WidensOldMasksThenDropsThem) {
   FrontEndSettings settings;
   settings.late.max_age_s = 0.25;
   settings.late.widen_after_s = 0.15;
-  settings.late.widen_px_per_s = 100;
-  settings.depth.dilation_px = 2;
+  settings.late.widen_px_per_s = 200;  // 100 in an image 320 wide
+  settings.depth.dilation_px = 4;
   const auto share = [&](int age, std::uint32_t& status) {
     FrontEnd front_end(settings, walk.scene.camera());
     for (int i = 0; i < 10; ++i) front_end.compute_mask(walk.frame(i), Segmentation());

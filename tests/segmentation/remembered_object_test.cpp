@@ -20,10 +20,8 @@ TEST(RememberedObject, DrawsTurnedAndScaledMasksPixelByPixel) {
   for (int y = 0; y < instance.mask.rows; ++y)
     for (int x = 0; x < instance.mask.cols; ++x)
       instance.mask.at<uchar>(y, x) = random.below(2) == 0 ? 0 : 255;
-  RgbdFrame frame;
-  frame.color = cv::Mat(size, CV_8UC1, cv::Scalar(90));
   RememberedObject object;
-  object.observe(frame, DepthView(), instance, nullptr);
+  object.observe(cv::Mat(size, CV_8UC1, cv::Scalar(90)), DepthView(), instance, nullptr);
 
   for (const double degrees : {0.0, 0.3, -1.2, 40.0, -170.0})
     for (const double scale : {1.0, 1.004, 0.99, 1.7, 0.4})

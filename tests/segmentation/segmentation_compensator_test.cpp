@@ -134,6 +134,23 @@ TEST(SegmentationCompensator, CarriesObjectsThroughFramesWhoseDepthIsBlack) {
   }
 }
 
+/// A frame in which the pixels of `known` are known to be static.
+void begin(FrameContext& context, const RgbdFrame& frame, const cv::Rect& known) {
+  context.begin(frame, Camera());
+  context.labels.reset(1, frame.color.cols, frame.color.rows);
+  for (std::size_t i = 0; i < context.labels.size(); ++i) {
+    const int n = static_cast<int>(i);
+    if (known.contains({n % frame.color.cols, n / frame.color.cols}))
+      context.labels[i] = CellLabel::kStatic;
+  }
+  context.labels.find_wide_static();
+}
+
+/// The lower half of a box, and some more to the sides.
+cv::Rect lower_half(const cv::Rect& box) {
+  return {box.x - 5, box.y + box.height / 2, box.width + 10, box.height};
+}
+
 TEST(SegmentationCompensator, RestoresNothingWhereTheSameStoodBefore) {
   for (const std::string name : {"person", ""}) {
     Show show;
@@ -142,29 +159,19 @@ TEST(SegmentationCompensator, RestoresNothingWhereTheSameStoodBefore) {
       show.compensator.compensate(show.scene.frame(kStart + 0.033 * i, {walker.at(0)}),
                                   result({box_instance(walker.at(0).box, show.scene.size, name)}));
     // The lower half of it is known to be static, then all of it.
-    const cv::Rect box = walker.at(0).box;
-    cv::Rect known(box.x, box.y + box.height / 2, box.width, box.height - box.height / 2);
-    const cv::Rect lower = known;
-    bool wide = true;
-    const auto clear = [&](const cv::Rect& area, cv::Mat& mask, bool wide_only) {
-      wide = wide_only;
-      mask((known & area) - area.tl()).setTo(0);
-    };
-    const RgbdFrame frame = show.scene.frame(kStart + 0.133, {walker.at(0)});
-    const Segmentation& half =
-        show.compensator.mend(frame, Segmentation(), std::nullopt, nullptr, clear);
+    const cv::Rect box = walker.at(0).box, lower = lower_half(box);
+    FrameContext context;
+    begin(context, show.scene.frame(kStart + 0.133, {walker.at(0)}), lower);
+    const Segmentation& half = show.compensator.mend(context, Segmentation());
     ASSERT_EQ(half.instances.size(), 1u);
     const cv::Mat mended = picture_of(half.instances, show.scene.size);
-    EXPECT_EQ(cv::countNonZero(mended), name.empty() ? box.area() : box.area() - lower.area());
-    EXPECT_EQ(cv::countNonZero(mended(lower)) > 0, name.empty());
-    show.compensator.remember(frame, half.instances);
-    EXPECT_EQ(wide, name.empty()) << "all that is static is cleared of what is carried along";
-    known = cv::Rect(cv::Point(), show.scene.size);
-    const RgbdFrame last = show.scene.frame(kStart + 0.2, {walker.at(0)});
-    const Segmentation& gone =
-        show.compensator.mend(last, Segmentation(), std::nullopt, nullptr, clear);
-    EXPECT_EQ(gone.instances.size(), name.empty() ? 1u : 0u);
-    EXPECT_EQ(show.compensator.restored(), name.empty() ? 1 : 0);
+    EXPECT_EQ(cv::countNonZero(mended), box.area() - (box & lower).area());
+    EXPECT_EQ(cv::countNonZero(mended(lower & box)), 0);
+    show.compensator.remember(context, half.instances);
+    begin(context, show.scene.frame(kStart + 0.2, {walker.at(0)}),
+          cv::Rect(cv::Point(), show.scene.size));
+    EXPECT_EQ(show.compensator.mend(context, Segmentation()).instances.size(), 0u);
+    EXPECT_EQ(show.compensator.restored(), 0);
   }
 }
 
@@ -172,27 +179,22 @@ TEST(SegmentationCompensator, TakesNothingAtItsWordThatStoodThereBefore) {
   for (const std::string name : {"person", ""}) {
     Show show;
     const cv::Rect box = Walker().at(0).box;
-    const cv::Rect lower(box.x, box.y + box.height / 2, box.width, box.height - box.height / 2);
+    const cv::Rect lower = lower_half(box);
     cv::Rect known = lower;
-    bool wide = false;
-    const auto clear = [&](const cv::Rect& area, cv::Mat& mask, bool wide_only) {
-      wide = wide_only;
-      mask((known & area) - area.tl()).setTo(0);
-    };
     const Segmentation given = result({box_instance(box, show.scene.size, name)});
     const auto seen = [&](int i) {
-      const RgbdFrame frame = show.scene.frame(kStart + 0.033 * i, {Walker().at(0)});
-      const Segmentation& mended =
-          show.compensator.mend(frame, given, std::nullopt, nullptr, clear);
+      FrameContext context;
+      begin(context, show.scene.frame(kStart + 0.033 * i, {Walker().at(0)}), known);
+      const Segmentation& mended = show.compensator.mend(context, given);
       EXPECT_EQ(mended.instances.size(), 1u);
       const cv::Mat picture = picture_of(mended.instances, show.scene.size);
-      show.compensator.remember(frame, mended.instances);
+      show.compensator.remember(context, mended.instances);
       return picture;
     };
     const cv::Mat half = seen(0);
-    EXPECT_EQ(cv::countNonZero(half), name.empty() ? box.area() : box.area() - lower.area());
-    EXPECT_EQ(cv::countNonZero(half(lower)) > 0, name.empty());
-    EXPECT_EQ(wide, !name.empty()) << "a rim of static cells may be the person's";
+    EXPECT_EQ(cv::countNonZero(half),
+              name.empty() ? box.area() : box.area() - (box & lower).area());
+    EXPECT_EQ(cv::countNonZero(half(lower & box)) > 0, name.empty());
     EXPECT_EQ(cv::countNonZero(given.instances[0].mask), box.area()) << "the caller's own";
     // All of it: nothing is left, nor remembered.
     known = cv::Rect(cv::Point(), show.scene.size);
@@ -428,17 +430,19 @@ TEST(SegmentationCompensator, MissesInSharpPicturesCountTwice) {
   // 90 pixels a second: 3 from frame to frame.
   const Walker walker{60, 80, 90, 0};
   // How many misses are mended, with blur measured or not.
-  const auto mended = [&](const PictureBlur* blur, const Settings& settings = {}) {
+  const auto mended = [&](const ImageBlur* blur, const Settings& settings = {}) {
     Show show(settings);
     double t = 0;
     int restored = 0;
     for (int i = 0; i < 20; ++i, t += 1 / 30.0) {
       const bool seen = i < 5;
+      FrameContext context;
+      context.begin(show.scene.frame(kStart + t, {walker.at(t)}), Camera());
+      if (blur) context.blur = *blur;
       const Segmentation& out = show.compensator.mend(
-          show.scene.frame(kStart + t, {walker.at(t)}),
+          context,
           result(seen ? std::vector<Instance>{box_instance(walker.at(t).box, show.scene.size)}
-                      : std::vector<Instance>()),
-          {}, blur);
+                      : std::vector<Instance>()));
       if (!seen) restored += static_cast<int>(out.instances.size());
       for (const Instance& s : out.instances) {
         if (i > 0) {
@@ -448,11 +452,11 @@ TEST(SegmentationCompensator, MissesInSharpPicturesCountTwice) {
           EXPECT_NEAR(s.blur.motion_px, 3 * blur->exposure_share, blur->exposure_share) << i;
         }
       }
-      show.compensator.remember(show.scene.frame(kStart + t, {walker.at(t)}), out.instances);
+      show.compensator.remember(context, out.instances);
     }
     return restored;
   };
-  PictureBlur blur;
+  ImageBlur blur;
   EXPECT_EQ(mended(nullptr), 8);
   EXPECT_EQ(mended(&blur), 8) << "nothing is known";
   blur.exposure_share = 0.5;
@@ -698,9 +702,10 @@ TEST(SegmentationCompensator, RemembersRefinedMasks) {
   Instance bare;
   bare.box = cv::Rect(120, 60, 80, 150);
   for (const double t : {0.0, 0.033}) {
-    const RgbdFrame frame = show.scene.frame(kStart + t, {walker.at(t)});
-    show.compensator.mend(frame, result({bare}));
-    show.compensator.remember(frame, {box_instance(walker.at(t).box, show.scene.size)});
+    FrameContext context;
+    context.begin(show.scene.frame(kStart + t, {walker.at(t)}), Camera());
+    show.compensator.mend(context, result({bare}));
+    show.compensator.remember(context, {box_instance(walker.at(t).box, show.scene.size)});
   }
   const Segmentation& out = show.show(0.067, {}, {walker});
   ASSERT_EQ(out.instances.size(), 1u);
@@ -708,18 +713,20 @@ TEST(SegmentationCompensator, RemembersRefinedMasks) {
   // What the fusion added to a mask is not remembered.
   Show other;
   for (const double t : {0.0, 0.033}) {
-    const RgbdFrame frame = other.scene.frame(kStart + t, {walker.at(t)});
-    other.compensator.mend(frame, result({box_instance(walker.at(t).box, other.scene.size)}));
-    other.compensator.remember(frame, {box_instance({100, 60, 100, 150}, other.scene.size)});
+    FrameContext context;
+    context.begin(other.scene.frame(kStart + t, {walker.at(t)}), Camera());
+    other.compensator.mend(context, result({box_instance(walker.at(t).box, other.scene.size)}));
+    other.compensator.remember(context, {box_instance({100, 60, 100, 150}, other.scene.size)});
   }
   EXPECT_GT(other.iou_at(0, {walker}, other.show(0.067, {}, {walker})), 0.95);
 }
 
 TEST(SegmentationCompensator, RefusesToRememberOtherInstances) {
   Show show;
-  const RgbdFrame frame = show.scene.frame(kStart, {});
-  show.compensator.mend(frame, result({box_instance({10, 10, 50, 50}, show.scene.size)}));
-  EXPECT_ERROR(show.compensator.remember(frame, {}), "remember", "1", "found 0");
+  FrameContext context;
+  context.begin(show.scene.frame(kStart, {}), Camera());
+  show.compensator.mend(context, result({box_instance({10, 10, 50, 50}, show.scene.size)}));
+  EXPECT_ERROR(show.compensator.remember(context, {}), "remember", "1", "found 0");
 }
 
 TEST(SegmentationCompensator, ResetForgets) {

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "../flat_scene.hpp"
+#include "stillpoint/core/frame_context.hpp"
 
 namespace {
 
@@ -11,9 +12,15 @@ using stillpoint::TemplatePatch;
 
 const FlatScene scene;
 
-TemplatePatch patch_of(const cv::Mat& color, const stillpoint::Instance& instance) {
+cv::Mat gray_of(const stillpoint::RgbdFrame& frame) {
+  stillpoint::FrameContext context;
+  context.begin(frame, {});
+  return context.gray().clone();
+}
+
+TemplatePatch patch_of(const cv::Mat& gray, const stillpoint::Instance& instance) {
   TemplatePatch patch;
-  patch.sample(color, instance);
+  patch.sample(gray, instance);
   return patch;
 }
 
@@ -24,9 +31,9 @@ TEST(TemplatePatch, FindsWhereTheObjectWent) {
       Figure after = before;
       after.box += shift;
       const TemplatePatch patch =
-          patch_of(scene.frame(0, {before}).color, box_instance(before.box, scene.size));
+          patch_of(gray_of(scene.frame(0, {before})), box_instance(before.box, scene.size));
       cv::Point corner = before.box.tl();
-      EXPECT_NEAR(patch.locate(scene.frame(1, {after}).color, 16, corner), 1, 1e-9);
+      EXPECT_NEAR(patch.locate(gray_of(scene.frame(1, {after})), 16, corner), 1, 1e-9);
       EXPECT_EQ(corner, after.box.tl()) << "width " << width;
     }
 }
@@ -34,9 +41,9 @@ TEST(TemplatePatch, FindsWhereTheObjectWent) {
 TEST(TemplatePatch, ScoresLowWhereTheObjectIsGone) {
   const Figure figure{{100, 60, 40, 80}, 2, 1};
   const TemplatePatch patch =
-      patch_of(scene.frame(0, {figure}).color, box_instance(figure.box, scene.size));
+      patch_of(gray_of(scene.frame(0, {figure})), box_instance(figure.box, scene.size));
   cv::Point corner = figure.box.tl();
-  EXPECT_LT(patch.locate(scene.frame(1, {}).color, 16, corner), 0.5);
+  EXPECT_LT(patch.locate(gray_of(scene.frame(1, {})), 16, corner), 0.5);
 }
 
 TEST(TemplatePatch, LooksAtTheMaskOnly) {
@@ -44,9 +51,9 @@ TEST(TemplatePatch, LooksAtTheMaskOnly) {
   const Figure figure{{100, 60, 20, 80}, 2, 1};
   stillpoint::Instance instance = box_instance({100, 60, 40, 80}, scene.size);
   instance.mask(cv::Rect(20, 0, 20, 80)).setTo(0);
-  const TemplatePatch patch = patch_of(scene.frame(0, {figure}).color, instance);
+  const TemplatePatch patch = patch_of(gray_of(scene.frame(0, {figure})), instance);
   cv::Point corner = instance.box.tl();
-  EXPECT_NEAR(patch.locate(scene.frame(1, {figure}, 33).color, 8, corner), 1, 1e-9);
+  EXPECT_NEAR(patch.locate(gray_of(scene.frame(1, {figure}, 33)), 8, corner), 1, 1e-9);
   EXPECT_EQ(corner, instance.box.tl());
 }
 
@@ -55,9 +62,9 @@ TEST(TemplatePatch, TakesGreyPictures) {
   grey.color_channels = 1;
   const Figure before{{100, 60, 40, 80}, 2, 1}, after{{105, 64, 40, 80}, 2, 1};
   const TemplatePatch patch =
-      patch_of(grey.frame(0, {before}).color, box_instance(before.box, grey.size));
+      patch_of(gray_of(grey.frame(0, {before})), box_instance(before.box, grey.size));
   cv::Point corner = before.box.tl();
-  EXPECT_NEAR(patch.locate(grey.frame(1, {after}).color, 8, corner), 1, 1e-9);
+  EXPECT_NEAR(patch.locate(gray_of(grey.frame(1, {after})), 8, corner), 1, 1e-9);
   EXPECT_EQ(corner, after.box.tl());
 }
 
@@ -76,12 +83,12 @@ TEST(TemplatePatch, OfEqualScoresTakesTheNearest) {
 }
 
 TEST(TemplatePatch, SaysNothingWithoutTextureOrOutsideThePicture) {
-  const cv::Mat flat(scene.size, CV_8UC3, cv::Scalar(90, 90, 90));
+  const cv::Mat flat(scene.size, CV_8UC1, cv::Scalar(90));
   const stillpoint::Instance instance = box_instance({100, 60, 40, 80}, scene.size);
   cv::Point corner = instance.box.tl();
   EXPECT_EQ(patch_of(flat, instance).locate(flat, 8, corner), -1);
 
-  const cv::Mat color = scene.frame(0, {}).color;
+  const cv::Mat color = gray_of(scene.frame(0, {}));
   corner = {5000, -5000};
   EXPECT_EQ(patch_of(color, instance).locate(color, 8, corner), -1);
   EXPECT_EQ(corner, cv::Point(5000, -5000));
@@ -92,13 +99,13 @@ TEST(TemplatePatch, SaysNothingWithoutTextureOrOutsideThePicture) {
 
 TEST(TemplatePatch, IsEmptyForAnEmptyMask) {
   stillpoint::Instance instance = box_instance({100, 60, 40, 80}, scene.size);
-  EXPECT_FALSE(patch_of(scene.frame(0, {}).color, instance).empty());
+  EXPECT_FALSE(patch_of(gray_of(scene.frame(0, {})), instance).empty());
   instance.mask.setTo(0);
-  EXPECT_TRUE(patch_of(scene.frame(0, {}).color, instance).empty());
+  EXPECT_TRUE(patch_of(gray_of(scene.frame(0, {})), instance).empty());
 }
 
 TEST(TemplatePatch, TakesBareBoxesAndSinglePixels) {
-  const cv::Mat color = scene.frame(0, {}).color;
+  const cv::Mat color = gray_of(scene.frame(0, {}));
   stillpoint::Instance instance = box_instance({100, 60, 40, 80}, scene.size);
   instance.mask = cv::Mat();
   cv::Point corner(103, 58);

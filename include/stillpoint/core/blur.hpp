@@ -11,9 +11,9 @@
 
 namespace stillpoint {
 
-/// Motion blur of a picture, or of one object in it.
+/// Motion blur of an image, or of one object in it.
 struct Blur {
-  /// Predicted way across the picture during the exposure, pixels; NaN: not known.
+  /// Predicted displacement during the exposure, pixels; NaN: not known.
   double motion_px = std::numeric_limits<double>::quiet_NaN();
   /// How sharp the edges are, against the sharpest of the last seconds, 0 to 1; NaN: too few edges.
   /// It sinks as the width of the edges grows: 0.5 is about twice as wide.
@@ -30,15 +30,15 @@ struct Blur {
     return motion_px < sharp_px && !(sharpness < kSharp);
   }
 
-  /// Edges of this sharpness speak against blur: those of pictures blurred by less than 4 pixels.
+  /// Edges of this sharpness speak against blur: those of images blurred by less than 4 pixels.
   static constexpr double kSharp = 0.8;
 };
 
-/// The blur of a picture, of the whole and of any part of it, as BlurMeter measures it.
-class PictureBlur {
+/// The blur of an image, of the whole and of any part of it, as BlurMeter measures it.
+class ImageBlur {
  public:
   /// Edges in a block of kBlockWidth x kBlockHeight pixels, across (x) and down (y): sums of
-  /// squared differences over a short and over a long way, where the long one shows an edge.
+  /// squared differences over a short and over a long distance, where the long one shows an edge.
   struct Edges {
     std::int64_t short_x = 0, long_x = 0, short_y = 0, long_y = 0;
     Edges& operator+=(const Edges& other) {
@@ -49,7 +49,7 @@ class PictureBlur {
   };
   static constexpr int kBlockWidth = 32, kBlockHeight = 60;
 
-  /// Of the whole picture: mean motion of the static world by the camera's motion.
+  /// Of the whole image: mean motion of the static world by the camera's motion.
   Blur whole;
   /// Exposure time over the time since the last frame; NaN: there is none.
   double exposure_share = std::numeric_limits<double>::quiet_NaN();
@@ -61,11 +61,22 @@ class PictureBlur {
   /// Of all blocks.
   Edges total;
 
-  /// Blur of what lies in `box` and moved by `way_px` since the last frame. Where the way is NaN or
-  /// the box too small, the whole picture's. O(blocks of the box).
-  Blur in(const cv::Rect& box, double way_px = std::numeric_limits<double>::quiet_NaN()) const {
+  /// Nothing is known.
+  void clear() {
+    whole = Blur();
+    exposure_share = std::numeric_limits<double>::quiet_NaN();
+    reference = 0, columns = 0;
+    blocks.clear();
+    total = {};
+  }
+
+  /// Blur of what lies in `box` and moved by `displacement_px` since the last frame. Where that is
+  /// NaN or the box too small, the whole image's. O(blocks of the box).
+  Blur in(const cv::Rect& box,
+          double displacement_px = std::numeric_limits<double>::quiet_NaN()) const {
     Blur blur = whole;
-    if (!std::isnan(way_px * exposure_share)) blur.motion_px = way_px * exposure_share;
+    if (!std::isnan(displacement_px * exposure_share))
+      blur.motion_px = displacement_px * exposure_share;
     const int rows = columns > 0 ? static_cast<int>(blocks.size()) / columns : 0;
     Edges sum;
     for (int y = first(box.y, kBlockHeight);

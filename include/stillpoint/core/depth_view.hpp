@@ -10,21 +10,19 @@
 #include "stillpoint/core/camera.hpp"
 #include "stillpoint/core/frame.hpp"
 #include "stillpoint/core/instance.hpp"
+#include "stillpoint/core/lens.hpp"
 
 namespace stillpoint {
 
 /// The depth of a frame as the components read it: 16-bit units, 0 = no measurement, with the
-/// rays of the camera. 16-bit pictures are not copied; CV_32FC1 is turned into millimetres once.
+/// rays of the camera. 16-bit images are not copied; CV_32FC1 is turned into millimetres once.
 class DepthView {
  public:
   /// Refers to the frame's data, which must outlive the view. O(1) for 16-bit depth, O(pixels) for
   /// 32F.
   void set(const RgbdFrame& frame, const Camera& camera) {
-    const cv::Size size = frame.depth.size();
-    fx_ = static_cast<float>(camera.valid() ? camera.fx : 0.9 * size.width);
-    fy_ = static_cast<float>(camera.valid() ? camera.fy : 0.9 * size.width);
-    cx_ = static_cast<float>(camera.valid() ? camera.cx : 0.5 * (size.width - 1));
-    cy_ = static_cast<float>(camera.valid() ? camera.cy : 0.5 * (size.height - 1));
+    const cv::Size size = frame.color.size();
+    lens_.set(camera, size);
     if (frame.depth.empty()) return clear();
     if (frame.depth.depth() == CV_16U) {
       image_ = frame.depth;
@@ -84,12 +82,13 @@ class DepthView {
     const float units = (metres + kSlackM) / metres_per_unit_;
     return !(units > 0) ? 0 : units > 65535 ? 65535 : static_cast<int>(units);
   }
-  float focal_px() const { return fx_; }
-  float focal_y_px() const { return fy_; }
-  float center_x() const { return cx_; }
-  float center_y() const { return cy_; }
-  float ray_x(float u) const { return (u - cx_) / fx_; }
-  float ray_y(float v) const { return (v - cy_) / fy_; }
+  /// The camera's rays, those of the raw image.
+  const Lens& lens() const { return lens_; }
+  float focal_px() const { return lens_.fx(); }
+  /// Ray (x / z, y / z) of a raw pixel.
+  Eigen::Vector2f ray(const cv::Point& p) const {
+    return lens_.ray(static_cast<float>(p.x), static_cast<float>(p.y));
+  }
 
  private:
   // Looks at one pixel of each line of memory of `part`; whether any of these is measured. Read
@@ -108,7 +107,7 @@ class DepthView {
 
   cv::Mat image_, converted_;
   float metres_per_unit_ = 1;
-  float fx_ = 1, fy_ = 1, cx_ = 0, cy_ = 0;
+  Lens lens_;
 };
 
 }  // namespace stillpoint

@@ -3,6 +3,7 @@
 
 #include <cmath>
 #include <cstdint>
+#include <limits>
 #include <opencv2/core.hpp>
 #include <string>
 
@@ -10,7 +11,7 @@
 
 namespace stillpoint {
 
-/// One picture of an RGB-D camera. cv::Mat members share their data: copying a frame is cheap.
+/// One image of an RGB-D camera. cv::Mat members share their data: copying a frame is cheap.
 struct RgbdFrame {
   /// H x W, CV_8UC3 (BGR, as OpenCV loads it) or CV_8UC1 (grey).
   cv::Mat color;
@@ -22,6 +23,12 @@ struct RgbdFrame {
   /// Units of a 16-bit depth picture per metre (5000: TUM, Bonn; 1000: millimetres). Not used for
   /// CV_32FC1.
   double depth_units_per_m = 5000;
+  /// When the depth was measured, seconds of the same clock; NaN: with the color. Kinects take the
+  /// two up to 17 ms apart, and a camera that turns at 200 deg/s turns 3 degrees in that time.
+  double depth_timestamp = std::numeric_limits<double>::quiet_NaN();
+
+  /// When the depth was measured, as far as is known.
+  double depth_time() const { return std::isnan(depth_timestamp) ? timestamp : depth_timestamp; }
 };
 
 /// Metres per stored unit of `frame.depth`.
@@ -64,6 +71,10 @@ inline void check_frame(const RgbdFrame& frame) {
     return "frame.timestamp: expected seconds, found " + std::to_string(frame.timestamp);
   });
   if (frame.depth.empty()) return;
+  detail::check(!std::isinf(frame.depth_timestamp), [&] {
+    return "frame.depth_timestamp: expected seconds, or NaN where it is not known, found " +
+           std::to_string(frame.depth_timestamp);
+  });
   detail::check(frame.depth.type() == CV_16UC1 || frame.depth.type() == CV_32FC1, [&] {
     return "frame.depth: expected CV_16UC1 or CV_32FC1 (metres), found " + type_text(frame.depth);
   });

@@ -20,6 +20,7 @@ enum FrameStatus : std::uint32_t {
   kKeypointFloor = 1u << 7,    ///< too few static keypoints: the least dynamic ones were kept too
   kSegmenterFailed = 1u << 8,  ///< the segmenter threw; its message is in FrameStats
   kTimestampOrder = 1u << 9,   ///< timestamp not after the last one: history was forgotten
+  kPoseRefused = 1u << 10,     ///< the host told a pose that is not finite or no rigid motion
 };
 
 /// Names of the bits that are set, for logs and statistics.
@@ -27,7 +28,7 @@ inline std::vector<std::string> status_names(std::uint32_t status) {
   static const char* const names[] = {"no_segmentation", "never_segmented", "mask_stale",
                                       "restored",        "mask_too_large",  "no_depth",
                                       "no_keypoints",    "keypoint_floor",  "segmenter_failed",
-                                      "timestamp_order"};
+                                      "timestamp_order", "pose_refused"};
   std::vector<std::string> set;
   for (unsigned i = 0; i < sizeof(names) / sizeof(names[0]); ++i)
     if (status & (1u << i)) set.push_back(names[i]);

@@ -15,8 +15,11 @@
 #include "stillpoint/core/camera.hpp"
 #include "stillpoint/core/depth_view.hpp"
 #include "stillpoint/core/frame.hpp"
+#include "stillpoint/core/frame_context.hpp"
+#include "stillpoint/core/image_scale.hpp"
 #include "stillpoint/core/instance.hpp"
 #include "stillpoint/core/mask.hpp"
+#include "stillpoint/core/mask_pool.hpp"
 #include "stillpoint/core/status.hpp"
 #include "stillpoint/depth/depth_mask_fuser_settings.hpp"
 #include "stillpoint/depth/dilate.hpp"
@@ -52,46 +55,52 @@ class DepthMaskFuser {
   /// instances' masks (of their boxes, where they have none), and status() says kNoDepth. Throws
   /// Error if instances do not fit the picture. Strongly blurred instances are dilated more;
   /// `widening_px` is added to all. `T_current_last` maps points of the last frame's camera into
-  /// this one's, if it is known: it keeps the floor in mind where people hide it. An object
-  /// with a name does not grow into what is `known_static` (MotionCheck::known_static()), and finds
-  /// nothing of itself there if it is a bare box.
+  /// this one's, if it is known: it keeps the floor in mind where people hide it. The mask is the
+  /// caller's: what becomes of it changes nothing here.
   const DynamicMask& fuse(const RgbdFrame& frame, const Segmentation& segmentation,
                           bool use_depth = true, int widening_px = 0,
-                          const std::optional<Eigen::Isometry3d>& T_current_last = std::nullopt,
-                          const KnownStatic& known_static = nullptr) {
-    check_frame(frame);
-    const cv::Size size = frame.color.size();
-    check_segmentation(segmentation, size);
-    mask_.timestamp = frame.timestamp;
+                          const std::optional<Eigen::Isometry3d>& T_current_last = std::nullopt) {
+    own_context_.begin(frame, camera_);
+    own_context_.T_current_last = T_current_last;
+    return fuse(own_context_, segmentation, use_depth, widening_px);
+  }
+
+  /// The same for a frame of which more is known: an object with a name does not grow into what
+  /// `context.labels` knows to be static, and finds nothing of itself there if it is a bare box.
+  const DynamicMask& fuse(const FrameContext& context, const Segmentation& segmentation,
+                          bool use_depth = true, int widening_px = 0) {
+    const DepthView& depth = context.depth;
+    check_segmentation(segmentation, context.size());
+    mask_.timestamp = context.frame.timestamp;
     mask_.age_s = 0;
-    union_.reset(size);
+    union_.reset(context.size());
     widening_px = std::max(0, widening_px);
     const std::size_t n = segmentation.instances.size();
-    const bool has_depth = use_depth && !frame.depth.empty();
-    status_ = frame.depth.empty() ? kNoDepth : kOk;
+    const bool has_depth = use_depth && !depth.empty();
+    status_ = depth.empty() ? kNoDepth : kOk;
     if (has_depth) {
-      depth_.set(frame, camera_);
-      if (!depth_.any_measured(segmentation.instances)) status_ = kNoDepth;
-      region_.begin_frame(depth_, segmentation.instances, T_current_last);
+      if (!depth.any_measured(segmentation.instances)) status_ = kNoDepth;
+      region_.begin_frame(depth, segmentation.instances, context.T_current_last);
     }
     fused_.resize(n);
-    if (buffers_.size() < n) buffers_.resize(n);
+    for (Instance& s : fused_) s.mask.release();
     cv::Rect region;
     for (std::size_t i = 0; i < n; ++i) {
       if (has_depth) {
-        region_.fuse(depth_, segmentation.instances[i], known_static, buffers_[i], fused_[i],
-                     union_);
+        region_.fuse(depth, segmentation.instances[i], context.labels, masks_, fused_[i], union_);
       } else {
         fused_[i] = segmentation.instances[i];
         union_.add(fused_[i].mask, fused_[i].box);
       }
       region |= fused_[i].box;
     }
-    write(region, settings_.dilation_px + widening_px);
+    const int dilation_px = scaled_px(settings_.dilation_px + widening_px, context.size());
+    write(region, dilation_px);
     for (const Instance& s : fused_)
-      if (const int dilation_px = settings_.dilation_of(s.blur);
-          dilation_px > settings_.dilation_px)
-        widen(s, dilation_px + widening_px);
+      if (const int wider_px = dilation_of(s.blur, widening_px, context.size());
+          wider_px > dilation_px)
+        widen(s, wider_px);
+    detail::copy_apart(written_, mask_.image);
     return mask_;
   }
 
@@ -113,7 +122,6 @@ class DepthMaskFuser {
     return undilated_;
   }
   /// The instances of the last fuse() with their new masks (before dilation), in the order given.
-  /// Their masks are overwritten by the next fuse().
   const std::vector<Instance>& instances() const { return fused_; }
   /// Share of the picture that the dilated mask of the last fuse() covers.
   double mask_share() const {
@@ -123,19 +131,25 @@ class DepthMaskFuser {
   std::uint32_t status() const { return status_; }
 
  private:
+  // Of an instance, in pixels of the image: the settings' are those of one 640 wide.
+  int dilation_of(Blur blur, int widening_px, const cv::Size& size) const {
+    blur.motion_px /= pixel_scale(size);
+    return scaled_px(settings_.dilation_of(blur) + widening_px, size);
+  }
+
   // Writes the dilated union of the instances, all of which lie in `region`, as bytes.
   void write(const cv::Rect& region, int dilation_px) {
     const cv::Size size = union_.size();
     const cv::Rect grown = region.empty() ? region : grow_rect(region, dilation_px, size);
-    if (mask_.image.size() != size)
-      mask_.image = cv::Mat::zeros(size, CV_8UC1);
+    if (written_.size() != size)
+      written_ = cv::Mat::zeros(size, CV_8UC1);
     else
-      clear(mask_.image, grown_px_, grown);
+      clear(written_, grown_px_, grown);
     region_px_ = region, grown_px_ = grown;
     undilated_up_to_date_ = false;
     covered_px_ = 0;
     dilation_.run(union_, region, dilation_px, [&](int y, const std::uint64_t* row) {
-      uchar* to = mask_.image.ptr<uchar>(y);
+      uchar* to = written_.ptr<uchar>(y);
       for (int x = dilation_.left(); x < grown.x + grown.width; x += 64, ++row) {
         const int n = std::min(64, size.width - x);
         detail::unpack_word(*row, static_cast<std::size_t>(n), to + x);
@@ -151,7 +165,7 @@ class DepthMaskFuser {
     const cv::Rect grown = grow_rect(instance.box, dilation_px, one_.size());
     grown_px_ |= grown;
     dilation_.run(one_, instance.box, dilation_px, [&](int y, const std::uint64_t* row) {
-      uchar* to = mask_.image.ptr<uchar>(y);
+      uchar* to = written_.ptr<uchar>(y);
       for (int x = dilation_.left(); x < grown.x + grown.width; x += 64, ++row) {
         if (*row == 0) continue;
         const std::size_t n = static_cast<std::size_t>(std::min(64, one_.size().width - x));
@@ -183,11 +197,12 @@ class DepthMaskFuser {
 
   Settings settings_;
   Camera camera_;
-  DepthView depth_;
+  FrameContext own_context_;
   InstanceRegion region_;
   DynamicMask mask_;
   std::vector<Instance> fused_;
-  std::vector<std::vector<uchar>> buffers_;
+  detail::MaskPool masks_;         // of fused_
+  cv::Mat written_;                // the dilated mask; the caller gets a copy
   detail::BitMask union_, one_;    // of the instances, and of one of them
   cv::Rect region_px_, grown_px_;  // what the last fuse() found, and what it wrote dilated
   // Not everyone asks for it.

@@ -12,9 +12,11 @@
 #include <vector>
 
 #include "stillpoint/core/bit_mask.hpp"
+#include "stillpoint/core/cell_labels.hpp"
 #include "stillpoint/core/config.hpp"
 #include "stillpoint/core/depth_view.hpp"
 #include "stillpoint/core/instance.hpp"
+#include "stillpoint/core/mask_pool.hpp"
 #include "stillpoint/core/scratch.hpp"
 #include "stillpoint/depth/depth_mask_fuser_settings.hpp"
 #include "stillpoint/depth/dilate.hpp"
@@ -52,18 +54,18 @@ class InstanceRegion {
         for (const Instance& s : instances)
           outside = outside && !(s.box.contains(p) &&
                                  (s.mask.empty() || s.mask.at<uchar>(p - s.box.tl()) != 0));
-        if (outside)
-          floor_samples_.push_back({depth.ray_x(static_cast<float>(x)),
-                                    depth.ray_y(static_cast<float>(y)), 1 / depth.to_m(row[x])});
+        if (!outside) continue;
+        const Eigen::Vector2f ray = depth.ray(p);
+        floor_samples_.push_back({ray.x(), ray.y(), 1 / depth.to_m(row[x])});
       }
     }
     floor_ = find_floor(floor_samples_, floor_, settings_.seed, T_current_last.has_value());
   }
 
   /// Writes the instance's region: `out.box` may cover more than the instance's box, `out.mask` has
-  /// its size and lies in `buffer`, which outlives it. ORs it into `all`, of the picture's size.
-  void fuse(const DepthView& depth, const Instance& instance, const KnownStatic& known_static,
-            std::vector<uchar>& buffer, Instance& out, detail::BitMask& all) {
+  /// its size and is of `masks`. ORs it into `all`, of the image's size.
+  void fuse(const DepthView& depth, const Instance& instance, const CellLabels& labels,
+            detail::MaskPool& masks, Instance& out, detail::BitMask& all) {
     out.class_name = instance.class_name;
     out.score = instance.score;
     out.predicted = instance.predicted;
@@ -74,21 +76,20 @@ class InstanceRegion {
       given_.add(instance.mask, instance.box);
     }
     // What has no name was found by its motion, the better evidence.
-    const KnownStatic* asked =
-        known_static && !instance.class_name.empty() ? &known_static : nullptr;
+    const CellLabels* known_static =
+        !labels.empty() && !instance.class_name.empty() ? &labels : nullptr;
     const bool connected =
-        !paper && ranges_.find_on_mask(depth, samples_, instance, given_, asked, range_);
+        !paper && ranges_.find_on_mask(depth, samples_, instance, given_, known_static, range_);
     area_ = instance.box;
     if (connected) {
-      cells_.grow(depth, samples_, floor_, ranges_, range_, instance, settings_, asked);
+      cells_.grow(depth, samples_, floor_, ranges_, range_, instance, settings_, known_static);
       const int cell = settings_.cell_px;
       const cv::Rect used = cells_.used();
       area_ = cv::Rect(used.x * cell, used.y * cell, used.width * cell, used.height * cell) &
               cv::Rect(cv::Point(), depth.size());
     }
     out.box = area_;
-    buffer.resize(std::max(buffer.size(), static_cast<std::size_t>(area_.area())));
-    out.mask = cv::Mat(area_.size(), CV_8UC1, buffer.data());
+    out.mask = masks.take(area_.size());
     if (connected) {
       find_pixels(depth, instance);
       claim_unmeasured_rim(depth, out.mask, all);

@@ -5,19 +5,16 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
-#include <functional>
 #include <opencv2/core.hpp>
 #include <vector>
 
 #include "stillpoint/core/bit_mask.hpp"
+#include "stillpoint/core/cell_labels.hpp"
 #include "stillpoint/core/depth_view.hpp"
 #include "stillpoint/core/instance.hpp"
 #include "stillpoint/depth/stratified_samples.hpp"
 
 namespace stillpoint {
-
-/// Whether what a frame shows at a pixel is known to be static (MotionCheck::known_static()).
-using KnownStatic = std::function<bool(const cv::Point& pixel)>;
 
 /// The depths that an object takes, metres: the "human value range" of paper section 3.2.
 struct DepthRange {
@@ -62,7 +59,7 @@ class ObjectDepthRange {
   /// the box).
   bool find_on_mask(const DepthView& depth, const StratifiedSamples& samples,
                     const Instance& instance, const detail::BitMask& mask,
-                    const KnownStatic* known_static, DepthRange& range) {
+                    const CellLabels* known_static, DepthRange& range) {
     if (!fill_histogram(depth, samples, instance, mask, known_static)) return false;
     const int peak = main_mode(instance.depth_m);
     const int enough = std::max(1, smooth(peak) / 25);
@@ -89,7 +86,7 @@ class ObjectDepthRange {
 
   bool fill_histogram(const DepthView& depth, const StratifiedSamples& samples,
                       const Instance& instance, const detail::BitMask& bits,
-                      const KnownStatic* known_static) {
+                      const CellLabels* known_static) {
     histogram_.fill(0);
     total_ = 0;
     const cv::Rect& box = instance.box;
@@ -146,7 +143,7 @@ class ObjectDepthRange {
             std::min(kBins - std::size_t{1}, static_cast<std::size_t>(*sample * to_bin));
         // In a bare box the person is in the middle columns.
         const int weight = 8 * std::abs(2 * (p.x - box.x) - box.width) < 3 * box.width ? 4 : 1;
-        if (known_static && (*known_static)(p)) {
+        if (known_static && known_static->known_static(p)) {
           ++standing, of_static[bin] += weight, *sample = 0;
         } else {
           ++measured, total_ += weight, histogram_[bin] += weight;

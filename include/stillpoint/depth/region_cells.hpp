@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "stillpoint/core/bit_mask.hpp"
+#include "stillpoint/core/cell_labels.hpp"
 #include "stillpoint/core/config.hpp"
 #include "stillpoint/core/depth_view.hpp"
 #include "stillpoint/core/instance.hpp"
@@ -32,7 +33,7 @@ class RegionCells {
   /// over).
   void grow(const DepthView& depth, const StratifiedSamples& samples, const InversePlane& floor,
             const ObjectDepthRange& ranges, const DepthRange& range, const Instance& instance,
-            const DepthMaskFuserSettings& settings, const KnownStatic* known_static) {
+            const DepthMaskFuserSettings& settings, const CellLabels* known_static) {
     const int cell = settings.cell_px;
     const cv::Rect& box = instance.box;
     const bool bare = instance.mask.empty();
@@ -174,8 +175,8 @@ class RegionCells {
   }
 
   static float inverse_of(const DepthView& depth, const InversePlane& floor, const cv::Point& p) {
-    return floor.a * depth.ray_x(static_cast<float>(p.x)) +
-           floor.b * depth.ray_y(static_cast<float>(p.y)) + floor.c;
+    const Eigen::Vector2f ray = depth.ray(p);
+    return floor.a * ray.x() + floor.b * ray.y() + floor.c;
   }
 
   // Within 1.5 % and 2 cm of the floor, or beyond it.
@@ -313,7 +314,7 @@ class RegionCells {
 
   // Breadth first over cells whose depth goes on without a step.
   void spread(const DepthView& depth, const StratifiedSamples& samples, const InversePlane& floor,
-              const DepthRange& range, float range_m, int reach, const KnownStatic* known_static) {
+              const DepthRange& range, float range_m, int reach, const CellLabels* known_static) {
     const float lo = range.lo_m - range_m, hi = range.hi_m + range_m;
     int x0 = used_.x, y0 = used_.y, x1 = used_.x + used_.width, y1 = used_.y + used_.height;
     for (std::size_t k = 0; k < queue_.size(); ++k) {
@@ -330,10 +331,10 @@ class RegionCells {
           const cv::Point p = place(samples, depth, x, y);
           z_[j] = depth.to_m(depth.row(p.y)[p.x]);
           const bool in_range = z_[j] > 0 && z_[j] >= lo && z_[j] <= hi;
-          state_[j] =
-              in_range && !is_floor(depth, floor, p, z_[j]) && !(known_static && (*known_static)(p))
-                  ? kOpen
-                  : kOutside;
+          state_[j] = in_range && !is_floor(depth, floor, p, z_[j]) &&
+                              !(known_static && known_static->known_static(p))
+                          ? kOpen
+                          : kOutside;
         }
         if (state_[j] != kOpen || std::abs(z_[j] - z) > step) continue;
         state_[j] = kRegion;

@@ -200,6 +200,7 @@ class TumSequence {
                   });
     if (e.depth_path.empty()) return frame;
     frame.depth = read_depth(e.depth_path);
+    frame.depth_timestamp = e.depth_timestamp;
     detail::check(frame.depth.size() == frame.color.size(), [&] {
       return "depth picture " + e.depth_path.string() + ": expected the color picture's size " +
              detail::size_text(frame.color) + ", found " + detail::size_text(frame.depth) +

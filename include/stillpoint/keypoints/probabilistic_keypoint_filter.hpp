@@ -12,6 +12,7 @@
 #include "stillpoint/core/byte_rows.hpp"
 #include "stillpoint/core/error.hpp"
 #include "stillpoint/core/frame.hpp"
+#include "stillpoint/core/image_scale.hpp"
 #include "stillpoint/core/keypoint.hpp"
 #include "stillpoint/core/mask.hpp"
 #include "stillpoint/core/scratch.hpp"
@@ -119,6 +120,9 @@ class ProbabilisticKeypointFilter {
     std::size_t inside = 0, found = 0;
     min_x_ = min_y_ = 1e9f, max_x_ = max_y_ = -1e9f;
     const bool has_mask = !mask.image.empty();
+    // Distances are measured in the settings' pixels.
+    const float to_settings =
+        has_mask ? static_cast<float>(1 / pixel_scale(mask.image.size())) : 1.0f;
     const float right = has_mask ? static_cast<float>(mask.image.cols) - 0.5f : 1e9f;
     const float bottom = has_mask ? static_cast<float>(mask.image.rows) - 0.5f : 1e9f;
     for (std::size_t i = 0; i < n; ++i) {
@@ -131,11 +135,11 @@ class ProbabilisticKeypointFilter {
       // As DynamicMask::dynamic_at().
       const bool dynamic = has_mask && mask.image.template ptr<uchar>(static_cast<int>(
                                            y + 0.5f))[static_cast<int>(x + 0.5f)] != 0;
-      points_[inside] = {x, y};
+      points_[inside] = {x * to_settings, y * to_settings};
+      // Which ones are in the mask is hard to foresee: no branch.
+      dynamic_points_[found] = points_[inside];
       index_[inside] = static_cast<int>(i);
       dynamic_[inside++] = dynamic;
-      // Which ones are in the mask is hard to foresee: no branch.
-      dynamic_points_[found] = {x, y};
       found += dynamic;
       selection_.probability[i] = dynamic;
       selection_.reason[i] = dynamic ? KeypointReason::kInMask : KeypointReason::kStatic;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #pragma once
 
+#include <Eigen/Core>
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
@@ -9,7 +10,6 @@
 #include <cstdint>
 #include <limits>
 #include <opencv2/core.hpp>
-#include <opencv2/imgproc.hpp>
 #include <optional>
 #include <string>
 
@@ -17,7 +17,7 @@
 #include "stillpoint/core/camera.hpp"
 #include "stillpoint/core/config.hpp"
 #include "stillpoint/core/error.hpp"
-#include "stillpoint/core/frame.hpp"
+#include "stillpoint/core/frame_context.hpp"
 
 namespace stillpoint {
 
@@ -35,16 +35,16 @@ struct BlurMeterSettings {
   }
 };
 
-/// Measures the motion blur of each picture, in two ways that know nothing of each other.
+/// Measures the motion blur of each image, in two ways that know nothing of each other.
 ///
-/// The motion: how far the camera's motion carries 48 points of the picture during the exposure.
+/// The motion: how far the camera's motion carries 48 points of the image during the exposure.
 /// The edges: where grey values differ over 12 pixels, how much of the difference lies in the 2
 /// pixels in the middle. A blur of w pixels spreads it over w pixels, so the share of its square
 /// sinks with 1 / w. Both sums are of the same edges: contrast cancels out. Lens and texture do
 /// not, so the result is set against the sharpest of the last 10 s or so.
 ///
-/// Cost: three rows of grey values in every 60 rows, about 10 us at 640 x 480. Deterministic, no
-/// allocation after the first picture. Not thread-safe; one object per camera.
+/// Cost: about 10 us at 640 x 480 and the conversion to grey. Deterministic, no
+/// allocation after the first image. Not thread-safe; one object per camera.
 class BlurMeter {
  public:
   using Settings = BlurMeterSettings;
@@ -61,56 +61,68 @@ class BlurMeter {
     return camera_.exposure_s > 0 ? camera_.exposure_s : 0.5 / camera_.fps;
   }
 
-  /// Measures the next frame. `T_current_last` maps points of the last frame's camera into this
-  /// one's; without it the motion is not known. The reference stays valid until the next call.
-  const PictureBlur& measure(const RgbdFrame& frame,
-                             const std::optional<Eigen::Isometry3d>& T_current_last) {
-    check_frame(frame);
-    const double since_s = frame.timestamp - last_s_;
-    last_s_ = frame.timestamp;
+  /// Measures the frame of a context, and writes its `blur`. Without `T_current_last` the motion is
+  /// not known.
+  void measure(FrameContext& context) {
+    const double since_s = context.frame.timestamp - last_s_;
+    last_s_ = context.frame.timestamp;
     blur_.exposure_share = since_s > 0 && std::isfinite(since_s)
                                ? exposure_s() / since_s
                                : std::numeric_limits<double>::quiet_NaN();
     blur_.whole = Blur();
-    if (T_current_last && camera_.valid())
-      blur_.whole.motion_px = mean_way_px(frame, *T_current_last) * blur_.exposure_share;
-    find_edges(frame.color);
-    const double sharp = PictureBlur::ratio(blur_.total);
-    if (std::isnan(sharp)) return blur_;
+    if (context.T_current_last && camera_.valid())
+      blur_.whole.motion_px = mean_displacement_px(context) * blur_.exposure_share;
+    find_edges(context.gray());
+    learn_sharpness(since_s);
+    context.blur = blur_;
+  }
+
+  /// The same for a frame alone; the reference stays valid until the next call.
+  const ImageBlur& measure(const RgbdFrame& frame,
+                           const std::optional<Eigen::Isometry3d>& T_current_last) {
+    own_context_.begin(frame, camera_);
+    own_context_.T_current_last = T_current_last;
+    measure(own_context_);
+    return blur_;
+  }
+
+ private:
+  void learn_sharpness(double since_s) {
+    const double sharp = ImageBlur::ratio(blur_.total);
+    if (std::isnan(sharp)) return;
     double& reference = blur_.reference;
     // Slowly forgotten, as the camera comes to see other things; half way up at once, as one odd
-    // picture must not blur all others.
+    // image must not blur all others.
     if (since_s > 0) reference *= std::exp(-since_s / kMemoryS);
     if (!(reference > 0))
       reference = sharp;
     else if (sharp > reference)
       reference += 0.5 * (sharp - reference);
     blur_.whole.sharpness = std::min(1.0, sharp / reference);
-    return blur_;
   }
 
-  /// What the last measure() returned.
-  const PictureBlur& blur() const { return blur_; }
-
- private:
   static constexpr double kMemoryS = 10;
-  static constexpr int kStep = 2, kReach = 12;  // the short and the long way, pixels
+  static constexpr int kStep = 2, kReach = 12;  // the short and the long distance, pixels
   static constexpr int kEdge = 32;              // of the sums of two pixels
-  static constexpr int kWidth = PictureBlur::kBlockWidth, kHeight = PictureBlur::kBlockHeight;
+  static constexpr int kWidth = ImageBlur::kBlockWidth, kHeight = ImageBlur::kBlockHeight;
 
-  double mean_way_px(const RgbdFrame& frame, const Eigen::Isometry3d& T) const {
+  static double mean_displacement_px(const FrameContext& context) {
     constexpr int kAcross = 8, kDown = 6;
+    const Lens& lens = context.depth.lens();
+    const Eigen::Matrix3f R = context.T_current_last->linear().cast<float>();
+    const Eigen::Vector3f t = context.T_current_last->translation().cast<float>();
     double sum = 0;
     int n = 0;
     for (int j = 0; j < kDown; ++j)
       for (int i = 0; i < kAcross; ++i) {
-        const int x = frame.color.cols * (2 * i + 1) / (2 * kAcross);
-        const int y = frame.color.rows * (2 * j + 1) / (2 * kDown);
-        const double z = static_cast<double>(depth_m_at(frame, x, y));
-        Eigen::Vector3d p = T.linear() * camera_.unproject(x, y, 1);
-        if (z > 0) p += T.translation() / z;
-        if (!(p.z() > 0.1)) continue;
-        sum += (camera_.project(p) - Eigen::Vector2d(x, y)).norm();
+        const int x = context.size().width * (2 * i + 1) / (2 * kAcross);
+        const int y = context.size().height * (2 * j + 1) / (2 * kDown);
+        const Eigen::Vector2f pixel(static_cast<float>(x), static_cast<float>(y));
+        const float z = depth_m_at(context.frame, x, y);
+        Eigen::Vector3f p = R * lens.ray(pixel.x(), pixel.y()).homogeneous();
+        if (z > 0) p += t / z;
+        if (!(p.z() > 0.1f)) continue;
+        sum += static_cast<double>((lens.pixel(p.hnormalized()) - pixel).norm());
         ++n;
       }
     return n > 0 ? sum / n : std::numeric_limits<double>::quiet_NaN();
@@ -140,60 +152,26 @@ class BlurMeter {
     short_sum += sum, long_sum += edge_sum;
   }
 
-  // The same row of all blocks, one below the other, in grey values.
-  struct Rows {
-    const uchar* first;
-    std::size_t step;
-    const uchar* at(int y, int x) const {
-      return first + static_cast<std::size_t>(y) * step + static_cast<std::size_t>(x);
-    }
-  };
-
-  // Has the processor fetch a row: many at a time, where the conversion would wait for each.
-  static void fetch(const cv::Mat& color, int y) {
-    const uchar* row = color.ptr(y);
-    const std::size_t bytes = static_cast<std::size_t>(color.cols) * color.elemSize();
-    unsigned sum = 0;
-    for (std::size_t i = 0; i < bytes; i += 64) sum += row[i];
-    volatile unsigned read = sum;
-    static_cast<void>(read);
-  }
-
-  Rows take_rows(const cv::Mat& color, int first, int count, cv::Mat& gray) const {
-    const uchar* data = color.ptr(first);
-    const std::size_t step = static_cast<std::size_t>(kHeight) * color.step[0];
-    if (color.channels() == 1) return {data, step};
-    cv::cvtColor(cv::Mat(count, color.cols, color.type(), const_cast<uchar*>(data), step), gray,
-                 cv::COLOR_BGR2GRAY);
-    return {gray.data, gray.step[0]};
-  }
-
-  void find_edges(const cv::Mat& color) {
-    const int bands = color.rows / kHeight;
-    blur_.columns = std::max(0, (color.cols - kReach - 1) / kWidth);
+  void find_edges(const cv::Mat& gray) {
+    const int bands = gray.rows / kHeight;
+    blur_.columns = std::max(0, (gray.cols - kReach - 1) / kWidth);
     blur_.blocks.assign(static_cast<std::size_t>(bands * blur_.columns), {});
     blur_.total = {};
-    if (blur_.blocks.empty()) return;
     constexpr int kFirst = (kHeight - kReach) / 2;
-    for (const int k : {0, kStep, kReach})
-      for (int y = 0; y < bands; ++y) fetch(color, y * kHeight + kFirst + k);
-    const Rows at = take_rows(color, kFirst, bands, gray_[0]);
-    const Rows step = take_rows(color, kFirst + kStep, bands, gray_[1]);
-    const Rows end = take_rows(color, kFirst + kReach, bands, gray_[2]);
     for (int y = 0; y < bands; ++y)
       for (int x = 0; x < blur_.columns; ++x) {
-        PictureBlur::Edges& e = blur_.blocks[static_cast<std::size_t>(y * blur_.columns + x)];
-        const int u = x * kWidth;
-        compare(at.at(y, u), at.at(y, u + kStep), at.at(y, u + kReach), e.short_x, e.long_x);
-        compare(at.at(y, u), step.at(y, u), end.at(y, u), e.short_y, e.long_y);
+        ImageBlur::Edges& e = blur_.blocks[static_cast<std::size_t>(y * blur_.columns + x)];
+        const uchar* at = gray.ptr<uchar>(y * kHeight + kFirst) + x * kWidth;
+        compare(at, at + kStep, at + kReach, e.short_x, e.long_x);
+        compare(at, at + kStep * gray.step1(), at + kReach * gray.step1(), e.short_y, e.long_y);
         blur_.total += e;
       }
   }
 
   Settings settings_;
   Camera camera_;
-  PictureBlur blur_;
-  std::array<cv::Mat, 3> gray_;
+  FrameContext own_context_;
+  ImageBlur blur_;
   double last_s_ = std::numeric_limits<double>::quiet_NaN();
 };
 

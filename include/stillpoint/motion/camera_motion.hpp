@@ -12,8 +12,8 @@
 #include <vector>
 
 #include "stillpoint/core/depth_view.hpp"
-#include "stillpoint/core/frame.hpp"
-#include "stillpoint/motion/corner_picture.hpp"
+#include "stillpoint/core/frame_context.hpp"
+#include "stillpoint/motion/corner_image.hpp"
 #include "stillpoint/motion/flow_consensus.hpp"
 #include "stillpoint/motion/patch_shift.hpp"
 #include "stillpoint/motion/turn_alignment.hpp"
@@ -23,8 +23,8 @@ namespace stillpoint {
 /// The camera's motion from one frame to the next, from the frames themselves: corners are followed
 /// and the rigid motion is taken that most of the world agrees with.
 ///
-/// A corner counts by the area that it stands for in space, not in the picture: a person close by
-/// may fill half of the picture, yet the walls behind are ten times as many square metres. So it
+/// A corner counts by the area that it stands for in space, not in the image: a person close by
+/// may fill half of the image, yet the walls behind are ten times as many square metres. So it
 /// keeps to the world where a tracker that counts keypoints goes with the person. It drifts by
 /// about a millimetre a frame: enough to doubt a host's motion, and for hosts that tell none.
 class CameraMotion {
@@ -44,32 +44,35 @@ class CameraMotion {
   }
 
   /// Takes the next frame, without looking for the motion to it. O(pixels).
-  void begin(const RgbdFrame& frame, const DepthView& depth) {
-    current_.set(frame, depth);
+  void begin(const FrameContext& context) {
+    current_.set(context);
     consensus_.begin(current_);
   }
 
   /// Takes the next frame and estimates the camera's motion to it. The corners of the frame before
-  /// are followed from where `guess` puts them, but those where `dynamic(u, v)` says that the frame
-  /// before is known to be dynamic at that pixel. Where few agree, they are followed once more from
-  /// where the whole pictures fit best, and then less exact agreement will do. No value: too few
+  /// are followed from where `guess` puts them. Where few agree, they are followed once more from
+  /// where the whole images fit best, and then less exact agreement will do. No value: too few
   /// corners, or no agreement among them. O(pixels), and about 3 us per corner.
-  template <class Dynamic>
-  std::optional<Estimate> add(const RgbdFrame& frame, const DepthView& depth,
-                              const Eigen::Isometry3d& guess, Dynamic&& dynamic) {
+  std::optional<Estimate> add(const FrameContext& context, const Eigen::Isometry3d& guess) {
     std::swap(last_, current_);
-    begin(frame, depth);
+    begin(context);
     if (last_.empty || current_.empty || last_.size() != current_.size()) return std::nullopt;
-    const int scale = current_.scale;
-    const auto known_dynamic = [&](const detail::Corner& c) {
-      return dynamic(scale * c.x, scale * c.y);
-    };
-    last_.corners.erase(std::remove_if(last_.corners.begin(), last_.corners.end(), known_dynamic),
-                        last_.corners.end());
     if (last_.corners.size() < detail::FlowConsensus::kMinFlows) return std::nullopt;
-    const std::optional<Estimate> found = estimate(depth, guess);
+    const std::optional<Estimate> found = estimate(context.depth, guess);
     if (found) last_motion_ = found->T_current_last;
     return found;
+  }
+
+  /// Tells what is dynamic in the last frame, CV_8UC1 of its size: its corners there are not
+  /// followed.
+  void forget_dynamic(const cv::Mat& mask) {
+    const int scale = current_.scale;
+    const auto dynamic = [&](const detail::Corner& c) {
+      return mask.at<uchar>(scale * c.y, scale * c.x) != 0;
+    };
+    current_.corners.erase(
+        std::remove_if(current_.corners.begin(), current_.corners.end(), dynamic),
+        current_.corners.end());
   }
 
   /// Share of the followed area that agrees with a motion.
@@ -78,53 +81,59 @@ class CameraMotion {
   }
 
   /// A corner that moves otherwise than the camera says, with others around it that do so too.
-  struct Dissent {
-    /// Where it is in the new frame, pixels; its depth, metres.
+  struct OutlierCorner {
+    /// Where it is in the new frame, raw pixels; its depth, metres.
     float u, v, depth_m;
   };
 
-  /// The corners that dissent from two motions (the same one twice, where there is one): off by
-  /// over 1.3 pixels (of 640 in a row), four times the median by area and what blur does, with at
-  /// least two others within 0.3 m that dissent alike, and more than do not. O(corners squared).
-  const std::vector<Dissent>& dissents(const Eigen::Isometry3d& T_current_last,
-                                       const Eigen::Isometry3d& another) {
-    dissents_.clear();
+  /// The corners in clusters that move otherwise than either of two motions says (the same one
+  /// twice, where there is one): off by over 1.3 pixels (of 640 in a row), four times the median by
+  /// area, and `smeared_share` (blur, shutter) of their own displacement, with at least
+  /// four others within 0.3 m that move alike, and more than do not. O(corners squared).
+  const std::vector<OutlierCorner>& outlier_clusters(const Eigen::Isometry3d& T_current_last,
+                                                     const Eigen::Isometry3d& another,
+                                                     double smeared_share) {
+    outliers_.clear();
     const std::vector<Flow>& flows = consensus_.flows();
-    if (flows.empty()) return dissents_;
+    if (flows.empty()) return outliers_;
     const float limit_another = measure_errors(another);
     other_errors_ = errors_;
     const float limit = measure_errors(T_current_last);
+    const float per_px = std::max(kBlurError, static_cast<float>(smeared_share));
     for (std::size_t i = 0; i < flows.size(); ++i) {
-      const float size = told(i, errors_);
-      if (size < std::max(limit, kBlurError * length_px(flows[i])) ||
-          told(i, other_errors_) < limit_another || !flows[i].whole)
+      const float size = error_size(i, errors_);
+      if (size < std::max(limit, per_px * length_px(flows[i])) ||
+          error_size(i, other_errors_) < limit_another || !flows[i].smooth)
         continue;
       int with = 0, against = 0;
       for (std::size_t j = 0; j < flows.size(); ++j) {
-        if ((flows[i].from - flows[j].from).squaredNorm() > 0.3f * 0.3f) continue;
+        if ((flows[i].from - flows[j].from).squaredNorm() > kClusterM * kClusterM) continue;
         if ((errors_[i] - errors_[j]).norm() > 0.5f * size)
           ++against;
-        else if (told(j, errors_) >= limit && !same_patch(flows[i], flows[j]))
+        else if (error_size(j, errors_) >= limit && !same_patch(flows[i], flows[j]))
           ++with;
       }
-      if (with >= 2 && with > against)
-        dissents_.push_back({flows[i].u, flows[i].v, flows[i].depth_m});
+      if (with >= kFewestWith && with > against)
+        outliers_.push_back({flows[i].u, flows[i].v, flows[i].depth_m});
     }
-    return dissents_;
+    return outliers_;
   }
 
   /// Corners followed from the frame before to the one last added.
   std::size_t followed() const { return consensus_.flows().size(); }
 
  private:
-  using CornerPicture = detail::CornerPicture;
+  using CornerImage = detail::CornerImage;
   using Flow = detail::Flow;
 
   static constexpr double kMinSupport = 0.3, kUsual = 0.95;
   static constexpr double kSure = 0.5;           // no doubt that the corners were found again
   static constexpr double kNearPx = 2;           // fine ones: corners are found again from there
-  static constexpr float kLeastDissent = 0.65f;  // fine pixels
-  static constexpr float kBlurError = 0.12f;  // of a corner's way: what is blurred is followed ill
+  static constexpr float kLeastOutlier = 0.65f;  // fine pixels
+  static constexpr float kClusterM = 0.3f;
+  static constexpr int kFewestWith = 4;
+  static constexpr float kBlurError =
+      0.12f;  // of a corner's displacement: what is blurred is followed ill
 
   std::optional<Estimate> estimate(const DepthView& depth, const Eigen::Isometry3d& guess) {
     follow_all(depth, guess);
@@ -168,26 +177,28 @@ class CameraMotion {
     const float u0 = current_.frame_px(c.x), v0 = current_.frame_px(c.y);
     Flow f;
     f.x = c.x, f.y = c.y;
-    f.from = {(u0 - last_.cx) / last_.fx * c.depth_m, (v0 - last_.cy) / last_.fy * c.depth_m,
-              c.depth_m};
+    const Lens& lens = depth.lens();
+    f.from = c.depth_m * lens.ray(u0, v0).homogeneous();
     const Eigen::Vector3f q = (guess * f.from.cast<double>()).cast<float>();
-    if (q.z() < CornerPicture::kLeastDepthM) return;
-    const Eigen::Vector2f p = current_.project(q);
+    if (q.z() < CornerImage::kLeastDepthM) return;
+    const Eigen::Vector2f p = lens.pixel(q.hnormalized());
     float du = p.x() - u0, dv = p.y() - v0;
     if (!detail::shift(last_.coarse, current_.coarse, c.x / 2, c.y / 2, 2 * scale, 0.1f, du, dv,
-                       f.certain) ||
-        !detail::shift(last_.fine, current_.fine, c.x, c.y, scale, 0.02f, du, dv, f.certain))
+                       f.information) ||
+        !detail::shift(last_.fine, current_.fine, c.x, c.y, scale, 0.02f, du, dv, f.information))
       return;
     f.u = u0 + du, f.v = v0 + dv;
+    const Eigen::Vector2f flat = current_.project(lens.ray(f.u, f.v).homogeneous());
+    f.flat_u = flat.x(), f.flat_v = flat.y();
     f.area = std::min(c.depth_m, 4.0f) * std::min(c.depth_m, 4.0f);
     const int u = static_cast<int>(f.u + 0.5f), v = static_cast<int>(f.v + 0.5f);
-    f.depth_m = current_.whole_depth(depth, u, v, CornerPicture::kFar);
-    f.whole = f.depth_m > 0;
-    if (!f.whole) f.depth_m = current_.whole_depth(depth, u, v, CornerPicture::kNear);
+    f.depth_m = current_.whole_depth(depth, u, v, CornerImage::kFar);
+    f.smooth = f.depth_m > 0;
+    if (!f.smooth) f.depth_m = current_.whole_depth(depth, u, v, CornerImage::kNear);
     consensus_.add(f);
   }
 
-  // How far apart two turns put a corner, fine pixels.
+  // How far apart two rotations put a corner, fine pixels.
   double far_px(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b) const {
     const double angle = Eigen::AngleAxisd(a.linear().transpose() * b.linear()).angle();
     return angle * static_cast<double>(current_.fx) / current_.scale;
@@ -209,20 +220,20 @@ class CameraMotion {
     std::sort(sorted_.begin(), sorted_.end());
     std::size_t middle = 0;
     while (middle + 1 < sorted_.size() && (half -= sorted_[middle].second) > 0) ++middle;
-    return std::max(kLeastDissent * static_cast<float>(current_.scale), 4 * sorted_[middle].first);
+    return std::max(kLeastOutlier * static_cast<float>(current_.scale), 4 * sorted_[middle].first);
   }
 
   Eigen::Vector2f error_px(const Flow& f, const Eigen::Vector3f& q) const {
-    if (q.z() < CornerPicture::kLeastDepthM) return {1e6f, 1e6f};
-    return current_.project(q) - Eigen::Vector2f(f.u, f.v);
+    if (q.z() < CornerImage::kLeastDepthM) return {1e6f, 1e6f};
+    return current_.project(q) - Eigen::Vector2f(f.flat_u, f.flat_v);
   }
 
-  // The size of a flow's error, as far as its patch can tell.
-  float told(std::size_t i, const std::vector<Eigen::Vector2f>& errors) const {
-    return std::sqrt(std::max(0.0f, errors[i].dot(consensus_.flows()[i].certain * errors[i])));
+  // The size of a flow's error, as far as its patch can tell (Mahalanobis distance).
+  float error_size(std::size_t i, const std::vector<Eigen::Vector2f>& errors) const {
+    return std::sqrt(std::max(0.0f, errors[i].dot(consensus_.flows()[i].information * errors[i])));
   }
 
-  // How far it went in the picture.
+  // Its displacement in the image.
   float length_px(const Flow& f) const {
     const float du = f.u - current_.frame_px(f.x), dv = f.v - current_.frame_px(f.y);
     return std::sqrt(du * du + dv * dv);
@@ -233,14 +244,14 @@ class CameraMotion {
            std::abs(a.y - b.y) <= detail::Patch::kRadius;
   }
 
-  CornerPicture last_, current_;
+  CornerImage last_, current_;
   Eigen::Isometry3d last_motion_ = Eigen::Isometry3d::Identity();
   double usual_support_ = 1;
   detail::TurnAlignment alignment_;
   detail::FlowConsensus consensus_, other_consensus_;
   std::vector<Eigen::Vector2f> errors_, other_errors_;
   std::vector<std::pair<float, float>> sorted_;  // error and area
-  std::vector<Dissent> dissents_;
+  std::vector<OutlierCorner> outliers_;
 };
 
 }  // namespace stillpoint

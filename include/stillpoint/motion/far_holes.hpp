@@ -4,9 +4,10 @@
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <vector>
 
-#include "stillpoint/motion/coarse_frame.hpp"
+#include "stillpoint/motion/depth_cells.hpp"
 
 namespace stillpoint {
 
@@ -19,12 +20,12 @@ class FarHoles {
   /// Finds the cells of a frame that lie in such holes, not at their rims: one byte each, 1 = in a
   /// hole. `dynamic`: one byte per cell, not 0 = taken for dynamic; a person before the hole is no
   /// border. Valid until the next call. O(cells).
-  const std::vector<std::uint8_t>& find(const CoarseFrame& frame,
+  const std::vector<std::uint8_t>& find(double timestamp, const DepthCells& frame,
                                         const std::vector<std::uint8_t>& dynamic) {
     found_.assign(frame.size(), 0);
     seen_.assign(frame.size(), 0);
-    learn_range(frame);
-    if (range_m_ < kShortestRangeM) return found_;
+    learn_range(timestamp, frame);
+    if (range_m() < kShortestRangeM) return found_;
     for (int y = 1; y + 1 < frame.height; ++y)
       for (int x = 1; x + 1 < frame.width; ++x)
         if (const std::size_t i = frame.index(x, y); frame.depth_m[i] < 0 && !seen_[i])
@@ -32,31 +33,40 @@ class FarHoles {
     return found_;
   }
 
-  /// The farthest that was ever measured, metres.
-  float range_m() const { return range_m_; }
+  /// The farthest that was measured in the last seconds, metres.
+  float range_m() const { return std::max(recent_m_, earlier_m_); }
+  /// Forgets it.
+  void reset() { recent_m_ = earlier_m_ = 0, since_s_ = -std::numeric_limits<double>::infinity(); }
 
  private:
+  static constexpr double kMemoryS = 3;
   static constexpr float kShortestRangeM = 2.5f, kEndOfRange = 0.85f;
-  static constexpr std::size_t kSmallestShare = 20;  // of the picture: one in 20
+  static constexpr std::size_t kSmallestShare = 20;  // of the image: one in 20
   static constexpr int kFewestFar = 10;
   struct Cell {
     int x, y;
   };
 
-  // One far cell alone may be noise.
-  void learn_range(const CoarseFrame& frame) {
+  // One far cell alone may be noise; what is not seen again for kMemoryS to twice that was noise,
+  // too, or another room.
+  void learn_range(double timestamp, const DepthCells& frame) {
+    if (!(timestamp - since_s_ < kMemoryS)) {
+      earlier_m_ = timestamp - since_s_ < 2 * kMemoryS ? recent_m_ : 0;
+      recent_m_ = 0;
+      since_s_ = timestamp;
+    }
     const std::size_t w = static_cast<std::size_t>(frame.width);
     for (int y = 1; y + 1 < frame.height; ++y) {
       const float* z = frame.depth_m.data() + frame.index(0, y);
       for (std::size_t x = 1; x + 1 < w; ++x)
-        if (z[x] > range_m_)
-          range_m_ =
-              std::max(range_m_, std::min({z[x], z[x - 1], z[x + 1], *(z + x - w), z[x + w]}));
+        if (z[x] > recent_m_)
+          recent_m_ =
+              std::max(recent_m_, std::min({z[x], z[x - 1], z[x + 1], *(z + x - w), z[x + w]}));
     }
   }
 
   // Collects the hole around a cell in queue_.
-  bool looks_far(const CoarseFrame& frame, const std::vector<std::uint8_t>& dynamic, int x0,
+  bool looks_far(const DepthCells& frame, const std::vector<std::uint8_t>& dynamic, int x0,
                  int y0) {
     int far = 0, near = 0;
     queue_.assign(1, {x0, y0});
@@ -76,13 +86,13 @@ class FarHoles {
         // The cell beside a hole is often torn: then the one after it tells.
         if (frame.depth_m[i] == 0) i = frame.index(x + next[0], y + next[1]);
         if (!(frame.depth_m[i] > 0) || dynamic[i] != 0) continue;
-        ++(frame.depth_m[i] > kEndOfRange * range_m_ ? far : near);
+        ++(frame.depth_m[i] > kEndOfRange * range_m() ? far : near);
       }
     }
     return queue_.size() * kSmallestShare >= frame.size() && far >= kFewestFar && 2 * far >= near;
   }
 
-  void mark(const CoarseFrame& frame) {
+  void mark(const DepthCells& frame) {
     for (const Cell& cell : queue_) {
       bool inner = true;
       for (int y = cell.y - 1; y <= cell.y + 1; ++y)
@@ -92,7 +102,8 @@ class FarHoles {
     }
   }
 
-  float range_m_ = 0;
+  float recent_m_ = 0, earlier_m_ = 0;
+  double since_s_ = -std::numeric_limits<double>::infinity();  // of recent_m_
   std::vector<std::uint8_t> found_, seen_;
   std::vector<Cell> queue_;
 };

@@ -10,19 +10,23 @@
 #include <vector>
 
 #include "stillpoint/core/random.hpp"
-#include "stillpoint/motion/corner_picture.hpp"
+#include "stillpoint/motion/corner_image.hpp"
 #include "stillpoint/motion/lanes.hpp"
 
 namespace stillpoint::detail {
 
-/// A corner in space and in fine pixels before, where it is seen now (u, v in whole pixels; its
-/// depth or 0).
+/// A corner that was followed from the last frame into the new one.
 struct Flow {
-  Eigen::Vector3f from;
-  int x, y;
-  float u, v, depth_m, area;
-  Eigen::Matrix2f certain;  // squares an error as far as the patch can tell it: not along an edge
-  bool whole;               // no edge of depth in all of the patch
+  Eigen::Vector3f from;  ///< in space, in the last frame's camera, metres
+  int x, y;              ///< in the last frame, pixels of its fine image
+  float u, v;            ///< in the new frame, raw pixels
+  float flat_u, flat_v;  ///< the same, undistorted
+  float depth_m;         ///< in the new frame; 0: not measured
+  float area;            ///< that it stands for in space
+  /// Information of the patch, scaled so that its greater eigenvalue is 1: e^T information e is the
+  /// square of an error without its part along an edge, which the patch cannot tell.
+  Eigen::Matrix2f information;
+  bool smooth;  ///< no depth edge in all of the patch
 };
 
 /// Corners that were followed, and the motion that most of their area agrees with.
@@ -32,7 +36,7 @@ class FlowConsensus {
   static constexpr std::size_t kMinFlows = 20;
 
   /// Forgets the flows; more come that are seen in `now`.
-  void begin(const CornerPicture& now) {
+  void begin(const CornerImage& now) {
     flows_.clear();
     blocks_.clear();
     fx_ = now.fx, fy_ = now.fy, cx_ = now.cx, cy_ = now.cy;
@@ -108,7 +112,7 @@ class FlowConsensus {
 
     void set(Eigen::Index k, const Flow& f) {
       x[k] = f.from.x(), y[k] = f.from.y(), z[k] = f.from.z();
-      u[k] = f.u, v[k] = f.v, depth[k] = f.depth_m, area[k] = f.area;
+      u[k] = f.flat_u, v[k] = f.flat_v, depth[k] = f.depth_m, area[k] = f.area;
       has_depth[k] = f.depth_m > 0 ? 1.0f : 0.0f;
     }
   };
@@ -142,7 +146,7 @@ class FlowConsensus {
     View s;
     // What came too close is nowhere near its corner.
     s.z = (m.R(2, 0) * b.x + m.R(2, 1) * b.y + m.R(2, 2) * b.z + m.t[2])
-              .max(CornerPicture::kLeastDepthM);
+              .max(CornerImage::kLeastDepthM);
     const Lanes inverse = 1 / s.z;
     s.x = (m.R(0, 0) * b.x + m.R(0, 1) * b.y + m.R(0, 2) * b.z + m.t[0]) * inverse;
     s.y = (m.R(1, 0) * b.x + m.R(1, 1) * b.y + m.R(1, 2) * b.z + m.t[1]) * inverse;
@@ -200,10 +204,10 @@ class FlowConsensus {
   // One flow, however far off.
   void add_to(Normal& normal, const Flow& f, const Eigen::Isometry3d& T) const {
     const Eigen::Vector3d q = T * f.from.cast<double>();
-    if (q.z() < CornerPicture::kLeastDepthM) return;
+    if (q.z() < CornerImage::kLeastDepthM) return;
     const double z = q.z(), x = q.x() / z, y = q.y() / z;
     const double fx = fx_, fy = fy_;
-    const Eigen::Vector2d e(fx * x + cx_ - f.u, fy * y + cy_ - f.v);
+    const Eigen::Vector2d e(fx * x + cx_ - f.flat_u, fy * y + cy_ - f.flat_v);
     const double ju[6] = {fx / z, 0, -fx * x / z, -fx * x * y, fx * (1 + x * x), -fx * y};
     const double jv[6] = {0, fy / z, -fy * y / z, -fy * (1 + y * y), fy * x * y, fy * x};
     const double weight = f.area;
@@ -233,7 +237,7 @@ class FlowConsensus {
     return d.norm();
   }
 
-  // Of the picture where the flows are seen.
+  // Of the image where the flows are seen.
   float fx_ = 1, fy_ = 1, cx_ = 0, cy_ = 0, scale_ = 1;
   float tolerance_ = 1;   // times kMaxError
   float per_square_ = 1;  // 1 over the square of the greatest error, pixels

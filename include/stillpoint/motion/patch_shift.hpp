@@ -59,11 +59,12 @@ class Patch {
 };
 
 /// Follows a patch from (x, y) of `from` into `to`, both CV_32FC1 and smaller by `scale` than the
-/// whole picture: du and dv, in pixels of the whole one, are the guess and become what is found
+/// whole image: du and dv, in pixels of the whole one, are the guess and become what is found
 /// (Lucas and Kanade with the slopes of the template, and free brightness). Ends at steps under
-/// `enough` pixels. `certain` squares an error as far as the patch can tell it: not along an edge.
+/// `enough` pixels. `information` is that of
+/// the patch on a shift, its greater eigenvalue scaled to 1.
 inline bool shift(const cv::Mat& from, const cv::Mat& to, int x, int y, int scale, float enough,
-                  float& du, float& dv, Eigen::Matrix2f& certain) {
+                  float& du, float& dv, Eigen::Matrix2f& information) {
   constexpr int kRadius = Patch::kRadius, kSide = Patch::kSide;
   constexpr float kMaxShift = 5, kMaxResidual = 14;
   if (x < kRadius + 1 || y < kRadius + 1 || x + kRadius + 1 >= from.cols ||
@@ -72,8 +73,8 @@ inline bool shift(const cv::Mat& from, const cv::Mat& to, int x, int y, int scal
   Patch patch;
   patch.set(from.ptr<float>(y - kRadius) + x - kRadius, from.step1());
   const Eigen::Matrix3f H = patch.information();
-  const float half = 0.5f * (H(0, 0) + H(1, 1)), turn = 0.5f * (H(0, 0) - H(1, 1));
-  certain = H.topLeftCorner<2, 2>() / (half + std::sqrt(turn * turn + H(0, 1) * H(0, 1)));
+  const float half = 0.5f * (H(0, 0) + H(1, 1)), skew = 0.5f * (H(0, 0) - H(1, 1));
+  information = H.topLeftCorner<2, 2>() / (half + std::sqrt(skew * skew + H(0, 1) * H(0, 1)));
   Eigen::Matrix3f inverse;
   bool invertible = false;
   H.computeInverseWithCheck(inverse, invertible, 1.0f);

@@ -12,18 +12,18 @@
 #include <opencv2/imgproc.hpp>
 #include <optional>
 
-#include "stillpoint/motion/corner_picture.hpp"
+#include "stillpoint/motion/corner_image.hpp"
 #include "stillpoint/motion/lanes.hpp"
 
 namespace stillpoint::detail {
 
-/// The rotation of the camera by the whole pictures: corners are found again from a near guess
-/// only, but pictures made very small fit from far.
+/// The rotation of the camera by the whole images: corners are found again from a near guess
+/// only, but images made very small fit from far.
 class TurnAlignment {
  public:
   /// Maps points of the camera before into the one now, with the translation of `guess`; `guess`
-  /// where the pictures do not fit. O(pixels / 16 of the fine pictures).
-  Eigen::Isometry3d align(const CornerPicture& before, const CornerPicture& now,
+  /// where the images do not fit. O(pixels / 16 of the fine images).
+  Eigen::Isometry3d align(const CornerImage& before, const CornerImage& now,
                           const Eigen::Isometry3d& guess) {
     Eigen::Isometry3d T = guess;
     shrink(before.fine, 4, smaller_before_[0]);
@@ -52,15 +52,15 @@ class TurnAlignment {
   }
 
  private:
-  // Of a picture whose pixels are squares of `px` of the frame's.
-  static Eigen::Matrix3d small_camera(const CornerPicture& picture, double px) {
+  // Of a image whose pixels are squares of `px` of the frame's.
+  static Eigen::Matrix3d small_camera(const CornerImage& image, double px) {
     Eigen::Matrix3d K = Eigen::Matrix3d::Identity();
-    K(0, 0) = picture.fx / px, K(0, 2) = (picture.cx + 0.5) / px - 0.5;
-    K(1, 1) = picture.fy / px, K(1, 2) = (picture.cy + 0.5) / px - 0.5;
+    K(0, 0) = image.fx / px, K(0, 2) = (image.cx + 0.5) / px - 0.5;
+    K(1, 1) = image.fy / px, K(1, 2) = (image.cy + 0.5) / px - 0.5;
     return K;
   }
 
-  // One step of Gauss and Newton over all pixels of the small pictures; its size, radians.
+  // One step of Gauss and Newton over all pixels of the small images; its size, radians.
   std::optional<double> step(const Eigen::Matrix3d& K, float unlike, float& brighter,
                              Eigen::Isometry3d& T) {
     const Eigen::Matrix3d to_now = K * T.linear() * K.inverse();
@@ -95,7 +95,7 @@ class TurnAlignment {
     const Eigen::Vector4d d = normal.matrix().ldlt().solve(normal.right());
     const double angle = d.head<3>().norm();
     if (!(angle < 0.3)) return std::nullopt;
-    // The steps are those of the picture before, so they are taken back.
+    // The steps are those of the image before, so they are taken back.
     if (angle > 0)
       T.linear() = T.linear() * Eigen::AngleAxisd(-angle, d.head<3>() / angle).toRotationMatrix();
     brighter += static_cast<float>(d[3]);

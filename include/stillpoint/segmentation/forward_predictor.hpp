@@ -14,7 +14,10 @@
 #include "stillpoint/core/camera.hpp"
 #include "stillpoint/core/depth_view.hpp"
 #include "stillpoint/core/frame.hpp"
+#include "stillpoint/core/frame_context.hpp"
+#include "stillpoint/core/image_scale.hpp"
 #include "stillpoint/core/instance.hpp"
+#include "stillpoint/core/mask_pool.hpp"
 #include "stillpoint/core/status.hpp"
 #include "stillpoint/segmentation/frame_history.hpp"
 #include "stillpoint/segmentation/late_segmentation_settings.hpp"
@@ -45,18 +48,16 @@ class ForwardPredictor {
 
   /// If `segmentation` is of an earlier frame, puts its instances where they must be in `frame`;
   /// those that are not found there are left out. One that is too old becomes `available = false`.
-  /// `T_current_last` as in SegmentationCompensator::mend(). Masks stay valid until the next call.
   /// O(pixels) for the copy of the depth, O(pixels of the boxes) for a late result.
-  void forward(const RgbdFrame& frame, const std::optional<Eigen::Isometry3d>& T_current_last,
-               Segmentation& segmentation) {
+  void forward(const FrameContext& context, Segmentation& segmentation) {
+    const RgbdFrame& frame = context.frame;
     status_ = kOk, age_s_ = 0;
-    frames_.next_frame();
     const bool late = segmentation.available &&
                       segmentation.timestamp < frame.timestamp - FrameHistory::kSameTimeS;
     was_late_ = was_late_ || late;
     // A frame without a result may get one later.
     if (!was_late_ && segmentation.available) return frames_.keep(0);
-    frames_.add(frame, T_current_last);
+    frames_.add(frame, context.T_current_last);
     if (!late) return;
     age_s_ = frame.timestamp - segmentation.timestamp;
     const std::size_t then = frames_.index_of(segmentation.timestamp);
@@ -65,15 +66,17 @@ class ForwardPredictor {
       segmentation.instances.clear();
       status_ = kMaskStale;
     } else if (settings_.predict) {
-      carry(frame, then, segmentation);
+      carry(context, then, segmentation);
     }
   }
 
   /// Takes note of where the compensator's objects were found in the frame of forward().
   void remember(const std::vector<RememberedObject>& objects) { frames_.remember(objects); }
 
-  /// Tells the pose that the host tracked for the frame of forward(): better than its prediction.
-  void correct(const Eigen::Isometry3d& T_world_camera) { frames_.correct(T_world_camera); }
+  /// Tells the camera's motion to the frame of forward(), once it is known better.
+  void set_motion(const std::optional<Eigen::Isometry3d>& T_current_last) {
+    frames_.set_newest_motion(T_current_last);
+  }
 
   /// How much older than its frame the last segmentation was, seconds.
   double age_s() const { return age_s_; }
@@ -92,40 +95,43 @@ class ForwardPredictor {
     float z;
   };
 
-  void carry(const RgbdFrame& frame, std::size_t then, Segmentation& segmentation) {
+  void carry(const FrameContext& context, std::size_t then, Segmentation& segmentation) {
+    const RgbdFrame& frame = context.frame;
     RgbdFrame old;
     old.color = frame.color;  // looked at only without depth
     old.depth = frames_[then].depth;
     old.depth_units_per_m = frames_[then].units_per_m;
     const bool has_depth =
         compensation_.use_depth && !frame.depth.empty() && old.depth.size() == frame.depth.size();
-    old_depth_.clear(), depth_.clear();
-    if (has_depth) old_depth_.set(old, camera_), depth_.set(frame, camera_);
+    old_depth_.set(old, camera_);
+    if (!has_depth) old_depth_.clear();
+    static const DepthView no_depth;
+    const DepthView& depth = has_depth ? context.depth : no_depth;
     const std::optional<Eigen::Isometry3d> T_now_then = frames_.motion_since(then);
-    if (masks_.size() < segmentation.instances.size()) masks_.resize(segmentation.instances.size());
     std::size_t kept = 0;
     seen_.clear();
     for (Instance& instance : segmentation.instances)
-      if (carry_one(frame, old, then, T_now_then, masks_[kept], instance))
+      if (carry_one(context, depth, then, T_now_then, instance))
         std::swap(segmentation.instances[kept++], instance);
     segmentation.instances.resize(kept);
     last_seen_s_ = frames_[then].timestamp;
     std::swap(last_seen_, seen_);
   }
 
-  // Where a still point of an earlier frame is seen now.
+  // Where a static point of an earlier frame is seen now.
   cv::Point2d transfer(const cv::Point2d& p, float z,
                        const std::optional<Eigen::Isometry3d>& T) const {
     if (!T || !camera_.valid()) return p;
-    Eigen::Vector3d ray = T->linear() * camera_.unproject(p.x, p.y, 1);
-    if (z > 0) ray += T->translation() / z;
-    if (!(ray.z() > 0.05)) return p;
-    const Eigen::Vector2d q = camera_.project(ray);
+    const Eigen::Vector2d q =
+        RememberedObject::transfer(old_depth_.lens(), *T, static_cast<double>(z), {p.x, p.y});
     return {q.x(), q.y()};
   }
 
   double depth_of(const cv::Point2d& p, float z, const std::optional<Eigen::Isometry3d>& T) const {
-    return T && camera_.valid() ? (*T * camera_.unproject(p.x, p.y, z)).z() : z;
+    if (!T || !camera_.valid()) return z;
+    const Eigen::Vector2f ray =
+        old_depth_.lens().ray(static_cast<float>(p.x), static_cast<float>(p.y));
+    return (*T * (z * ray.homogeneous()).cast<double>()).z();
   }
 
   // The object's own way in the picture since frame `then`, the camera's motion taken away: along
@@ -190,7 +196,8 @@ class ForwardPredictor {
 
   // Moves object_ from where it would be seen had it stood still to where it is; false if it is not
   // there any more.
-  bool find(const RgbdFrame& frame, const Instance& instance, std::size_t then, bool can_look) {
+  bool find(const FrameContext& context, const DepthView& depth, const Instance& instance,
+            std::size_t then, bool can_look) {
     // What depth followed is surer than the way between two results; without depth, it is not.
     const std::optional<Way> tracked = tracked_motion(instance, then);
     const std::optional<Way> between = motion_between_results(then);
@@ -204,19 +211,19 @@ class ForwardPredictor {
       if (!way) continue;
       object_.set_place(still);
       move(*way);
-      if (locator_.locate(frame, depth_, object_)) return true;
+      if (locator_.locate(context, depth, object_)) return true;
     }
-    const double px_per_m = depth_.focal_px() / object_.depth_m();
+    const double px_per_m = depth.focal_px() / object_.depth_m();
     const double seconds = frames_.newest().timestamp - frames_[then].timestamp;
     const int reach =
         static_cast<int>(std::min(200.0, compensation_.max_speed_m_s * px_per_m * seconds));
+    const int search_px = scaled_px(compensation_.search_px, context.size());
     const float step =
         static_cast<float>(std::min(0.5, 0.5 * compensation_.max_speed_m_s * seconds));
     for (const float away : {0.0f, -step, step}) {
       object_.set_place(still);
       object_.shift_depth(away);
-      if (locator_.locate_far(depth_, std::max(reach, compensation_.search_px), object_))
-        return true;
+      if (locator_.locate_far(depth, std::max(reach, search_px), object_)) return true;
     }
     return false;
   }
@@ -227,25 +234,26 @@ class ForwardPredictor {
         {static_cast<int>(std::lround(way.place.x)), static_cast<int>(std::lround(way.place.y))});
   }
 
-  bool carry_one(const RgbdFrame& frame, const RgbdFrame& old, std::size_t then,
-                 const std::optional<Eigen::Isometry3d>& T_now_then, std::vector<uchar>& buffer,
-                 Instance& instance) {
+  bool carry_one(const FrameContext& context, const DepthView& depth, std::size_t then,
+                 const std::optional<Eigen::Isometry3d>& T_now_then, Instance& instance) {
+    const cv::Mat& gray = context.gray();  // looked at only without depth
     object_.forget_places();
     if (instance.mask.empty())
-      object_.observe(old, old_depth_, middle_of(instance), nullptr);
+      object_.observe(gray, old_depth_, middle_of(instance), nullptr);
     else
-      object_.observe(old, old_depth_, instance, nullptr);
-    object_.predict(frame.timestamp, camera_, T_now_then, 0);
-    const bool can_look = !depth_.empty() && object_.depth_m() > 0;
+      object_.observe(gray, old_depth_, instance, nullptr);
+    object_.predict(context.frame.timestamp, old_depth_.lens(),
+                    camera_.valid() ? T_now_then : std::nullopt, 0);
+    const bool can_look = !depth.empty() && object_.depth_m() > 0;
     seen_.push_back({instance.box, object_.center(), object_.depth_m()});
-    if (!find(frame, instance, then, can_look)) return false;
-    const cv::Rect area = object_.predicted_box(frame.color.size());
+    if (!find(context, depth, instance, then, can_look)) return false;
+    const cv::Rect area = object_.predicted_box(context.size());
     if (area.empty()) return false;
     if (can_look) instance.depth_m = object_.predicted_depth_m();
     instance.predicted = true;
     if (!instance.mask.empty()) {
-      buffer.assign(static_cast<std::size_t>(area.area()), 0);
-      instance.mask = cv::Mat(area.size(), CV_8UC1, buffer.data());
+      instance.mask = masks_.take(area.size());
+      instance.mask.setTo(0);
       object_.draw_predicted(area, instance.mask);
     }
     instance.box = area;
@@ -258,8 +266,8 @@ class ForwardPredictor {
   ObjectLocator locator_;
   FrameHistory frames_;
   RememberedObject object_;
-  DepthView old_depth_, depth_;
-  std::vector<std::vector<uchar>> masks_;
+  DepthView old_depth_;
+  detail::MaskPool masks_;
   std::vector<uchar> central_;
   std::vector<Seen> seen_, last_seen_;  // of this result, and of the one before
   double last_seen_s_ = 0;

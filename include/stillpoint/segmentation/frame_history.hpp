@@ -14,7 +14,7 @@
 
 namespace stillpoint {
 
-/// The last frames, oldest first: depth picture, camera motion, where each object was. Frames that
+/// The last frames, oldest first: depth image, camera motion, where each object was. Frames that
 /// are forgotten leave their memory to later ones.
 class FrameHistory {
  public:
@@ -42,12 +42,6 @@ class FrameHistory {
   std::size_t size() const { return frames_.size(); }
   const Frame& operator[](std::size_t i) const { return frames_[i]; }
   const Frame& newest() const { return frames_.back(); }
-
-  /// To be called for each frame, kept or not: a host that told no pose for the last one is lost.
-  void next_frame() {
-    if (!corrected_) last_pose_.reset();
-    corrected_ = false;
-  }
 
   /// Keeps a frame: copies its depth, O(pixels). An earlier timestamp than the newest one's starts
   /// the history anew. A motion that is not finite is none.
@@ -86,20 +80,9 @@ class FrameHistory {
       frames_.back().tracks.push_back({object.id, object.box(), object.center(), object.depth_m()});
   }
 
-  /// Tells the pose that the host tracked for the newest frame: better than its prediction. One
-  /// that is not finite is none.
-  void correct(const Eigen::Isometry3d& T_world_camera) {
-    if (!T_world_camera.matrix().allFinite()) return;
-    if (last_pose_ && !frames_.empty()) {
-      const Eigen::Isometry3d T = T_world_camera.inverse() * *last_pose_;
-      std::optional<Eigen::Isometry3d>& told = frames_.back().T_this_last;
-      // A host that closes a loop or finds itself again jumps; the camera does not.
-      const Eigen::Isometry3d jump = told ? T * told->inverse() : T;
-      if (jump.translation().norm() < 0.1 && Eigen::AngleAxisd(jump.linear()).angle() < 0.1)
-        told = T;
-    }
-    last_pose_ = T_world_camera;
-    corrected_ = true;
+  /// Tells the motion to the newest frame, once it is known better.
+  void set_newest_motion(const std::optional<Eigen::Isometry3d>& T_current_last) {
+    if (!frames_.empty()) frames_.back().T_this_last = T_current_last;
   }
 
   /// The frame of that time or, if the host left it out, the one before it; size() if there is
@@ -129,8 +112,6 @@ class FrameHistory {
 
   double max_age_s_;
   std::vector<Frame> frames_, spare_;
-  std::optional<Eigen::Isometry3d> last_pose_;
-  bool corrected_ = false;
 };
 
 }  // namespace stillpoint

@@ -9,7 +9,8 @@
 #include <vector>
 
 #include "stillpoint/core/depth_view.hpp"
-#include "stillpoint/core/frame.hpp"
+#include "stillpoint/core/frame_context.hpp"
+#include "stillpoint/core/image_scale.hpp"
 #include "stillpoint/core/instance.hpp"
 #include "stillpoint/segmentation/remembered_object.hpp"
 #include "stillpoint/segmentation/segmentation_compensator_settings.hpp"
@@ -24,8 +25,8 @@ class ObjectLocator {
 
   /// Moves the object's prediction to where it is found; false if it is not there (any more).
   /// `depth` may be empty. O(search places x 300 points).
-  bool locate(const RgbdFrame& frame, const DepthView& depth, RememberedObject& object) {
-    if (share_in_picture(object, frame.color.size()) < 0.15) return false;
+  bool locate(const FrameContext& context, const DepthView& depth, RememberedObject& object) {
+    if (share_in_picture(object, context.size()) < 0.15) return false;
     if (!depth.empty() && object.depth_m() > 0) {
       align_by_depth(depth, object);
       const Support s = support(depth, {0, 0});
@@ -37,8 +38,8 @@ class ObjectLocator {
         {static_cast<float>(object.box().x), static_cast<float>(object.box().y), 0});
     const cv::Point start(round(corner.x), round(corner.y));
     cv::Point found = start;
-    if (object.patch().locate(frame.color, settings_.search_px, found) <
-        settings_.min_template_score)
+    if (object.patch().locate(context.gray(), scaled_px(settings_.search_px, context.size()),
+                              found) < settings_.min_template_score)
       return false;
     // The paper copies the mask to the predicted corner; the match only says that it is there.
     if (settings_.use_depth) object.shift_prediction(found - start);
@@ -70,7 +71,7 @@ class ObjectLocator {
   /// tell: else its parts that are merely predicted beside it would be taken for missing.
   /// O(search places x 300 points).
   void align_to(const Instance& seen, const cv::Size& size, RememberedObject& object) const {
-    object.shift_prediction(best_shift([&](const cv::Point& shift) {
+    object.shift_prediction(best_shift(size, [&](const cv::Point& shift) {
       const auto covered = [&](const RememberedObject::Point& point, int& in_picture) {
         const auto p = object.predicted(point);
         const cv::Point at = cv::Point(round(p.x), round(p.y)) + shift;
@@ -184,13 +185,14 @@ class ObjectLocator {
 
   // Coarse to fine over the shifts; of equal scores the nearest to the prediction wins.
   template <class Score>
-  cv::Point best_shift(Score&& score_at) const {
+  cv::Point best_shift(const cv::Size& size, Score&& score_at) const {
+    const int search_px = scaled_px(settings_.search_px, size);
     cv::Point best(0, 0);
     int best_score = score_at(best);
     const auto cost = [](const cv::Point& s) { return (std::abs(s.x) + std::abs(s.y)) / 4; };
-    for (int step = std::max(1, settings_.search_px / 3), first = step; step >= 2; step /= 2) {
+    for (int step = std::max(1, search_px / 3), first = step; step >= 2; step /= 2) {
       const cv::Point center = best;
-      const int reach = step == first ? settings_.search_px / step : 1;
+      const int reach = step == first ? search_px / step : 1;
       for (int y = -reach; y <= reach; ++y)
         for (int x = -reach; x <= reach; ++x) {
           if (x == 0 && y == 0) continue;
@@ -215,8 +217,8 @@ class ObjectLocator {
 
   void align_by_depth(const DepthView& depth, RememberedObject& object) {
     set_probes(depth, object);
-    const cv::Point best =
-        best_shift([&](const cv::Point& shift) { return support(depth, shift).score; });
+    const cv::Point best = best_shift(
+        depth.size(), [&](const cv::Point& shift) { return support(depth, shift).score; });
     object.shift_prediction(best);
     for (Probe& p : inside_) p.x += best.x, p.y += best.y;
   }

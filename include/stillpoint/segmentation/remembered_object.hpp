@@ -15,10 +15,10 @@
 #include <vector>
 
 #include "stillpoint/core/byte_rows.hpp"
-#include "stillpoint/core/camera.hpp"
 #include "stillpoint/core/depth_view.hpp"
 #include "stillpoint/core/frame.hpp"
 #include "stillpoint/core/instance.hpp"
+#include "stillpoint/core/lens.hpp"
 #include "stillpoint/segmentation/line_predictor.hpp"
 #include "stillpoint/segmentation/template_patch.hpp"
 
@@ -48,9 +48,9 @@ class RememberedObject {
   int mended = 0;
   bool alive = true;
 
-  /// Takes over what a frame shows of the object: `instance` in `frame`, where `limit` (unless null
-  /// or a bare box) covers it too. Copies the mask; O(box).
-  void observe(const RgbdFrame& frame, const DepthView& depth, const Instance& instance,
+  /// Takes over what a frame shows of the object: `instance` in the grey image, where `limit`
+  /// (unless null or a bare box) covers it too. Copies the mask; O(box).
+  void observe(const cv::Mat& gray, const DepthView& depth, const Instance& instance,
                const Instance* limit) {
     class_name = instance.class_name;
     score = instance.score;
@@ -72,17 +72,18 @@ class RememberedObject {
     }
     // The picture is only looked at where the depth cannot tell.
     if (depth.empty())
-      patch_.sample(frame.color, instance);
+      patch_.sample(gray, instance);
     else
       patch_.clear();
     const float expected_z = predicted_z_;
-    sample_points(frame.color.size(), depth);
-    if (camera_known_ && z_ > 0 && expected_z > 0) went_m_ += z_ - expected_z;
+    sample_points(gray.size(), depth);
+    if (camera_known_ && z_ > 0 && expected_z > 0) depth_motion_m_ += z_ - expected_z;
   }
 
-  /// How far it has gone away from the camera, or towards it, for itself since forget_way().
-  float went_m() const { return went_m_; }
-  void forget_way() { went_m_ = 0; }
+  /// How far it has moved by itself away from the camera, or towards it, since
+  /// forget_depth_motion(), metres.
+  float depth_motion_m() const { return depth_motion_m_; }
+  void forget_depth_motion() { depth_motion_m_ = 0; }
 
   /// Adds the object's place (upper-left corner of its box, or centre of its mask) to the history
   /// of at most `length` places; a second call for one timestamp replaces the first.
@@ -104,32 +105,32 @@ class RememberedObject {
 
   /// Carries the object to `timestamp`: by the camera's motion (if known), then along its line.
   /// `max_speed_px_s` bounds the object's own motion.
-  void predict(double timestamp, const Camera& camera,
+  void predict(double timestamp, const Lens& lens,
                const std::optional<Eigen::Isometry3d>& T_current_last, double max_speed_px_s) {
-    Eigen::Matrix3d H = Eigen::Matrix3d::Identity();
+    const Eigen::Vector2d center(center_.x, center_.y);
     predicted_z_ = z_;
-    camera_known_ = T_current_last && camera.valid();
+    affine_.setIdentity();
+    camera_known_ = T_current_last.has_value();
     if (camera_known_) {
-      // The object as a plane at its depth, parallel to the picture.
-      Eigen::Matrix3d K;
-      K << camera.fx, 0, camera.cx, 0, camera.fy, camera.cy, 0, 0, 1;
-      Eigen::Matrix3d motion = T_current_last->linear();
-      if (z_ > 0) motion.col(2) += T_current_last->translation() / z_;
-      H = K * motion * K.inverse();
-      if (z_ > 0)
-        predicted_z_ =
-            static_cast<float>((*T_current_last * camera.unproject(center_.x, center_.y, z_)).z());
+      const Eigen::Isometry3d& T = *T_current_last;
+      const double z = static_cast<double>(z_);
+      if (z_ > 0) predicted_z_ = static_cast<float>((T * (z * ray_of(lens, center))).z());
       for (std::size_t i = 0; i < places_; ++i) {
-        const Eigen::Vector3d p = H * Eigen::Vector3d(history_[i].x, history_[i].y, 1);
-        history_[i].x = p.x() / p.z(), history_[i].y = p.y() / p.z();
+        const Eigen::Vector2d p = transfer(lens, T, z, {history_[i].x, history_[i].y});
+        history_[i].x = p.x(), history_[i].y = p.y();
       }
+      // As an affine map around the center: exact enough over one object and one frame.
+      const double step = 8;
+      for (int axis = 0; axis < 2; ++axis) {
+        const Eigen::Vector2d beside = step * Eigen::Vector2d::Unit(axis);
+        affine_.col(axis) =
+            (transfer(lens, T, z, center + beside) - transfer(lens, T, z, center - beside)) /
+            (2 * step);
+      }
+      affine_.col(2) = transfer(lens, T, z, center) - affine_.leftCols<2>() * center;
     }
-    // H as an affine map around the centre: exact enough over one object and one frame.
-    const Eigen::Vector3d c = H * Eigen::Vector3d(center_.x, center_.y, 1);
-    const Eigen::Vector2d at = c.hnormalized();
-    affine_.leftCols<2>() = (H.topLeftCorner<2, 2>() - at * H.block<1, 2>(2, 0)) / c.z();
-    affine_.col(2) = at - affine_.leftCols<2>() * Eigen::Vector2d(center_.x, center_.y);
-    way_px_ = (at - Eigen::Vector2d(center_.x, center_.y)).norm();
+    const Eigen::Vector2d at = affine_.leftCols<2>() * center + affine_.col(2);
+    displacement_px_ = (at - center).norm();
     if (places_ == 0) return;
     const TimedPoint& last = history_[places_ - 1];
     const cv::Point2d next = predict_on_line(history_.data(), places_, timestamp);
@@ -137,7 +138,17 @@ class RememberedObject {
     const double limit = max_speed_px_s * std::max(0.0, timestamp - last.timestamp);
     if (shift.norm() > limit) shift *= limit / shift.norm();
     affine_.col(2) += shift;
-    way_px_ = (at + shift - Eigen::Vector2d(center_.x, center_.y)).norm();
+    displacement_px_ = (at + shift - center).norm();
+  }
+
+  /// Where a static point that was seen at `pixel` is seen after the camera's motion; without a
+  /// depth (z_m = 0), one far away. A point that comes to lie behind the camera stays.
+  static Eigen::Vector2d transfer(const Lens& lens, const Eigen::Isometry3d& T_current_last,
+                                  double z_m, const Eigen::Vector2d& pixel) {
+    Eigen::Vector3d p = T_current_last.linear() * ray_of(lens, pixel);
+    if (z_m > 0) p += T_current_last.translation() / z_m;
+    if (!(p.z() > 0.05)) return pixel;
+    return lens.pixel(Eigen::Vector2f(p.hnormalized().cast<float>())).cast<double>();
   }
 
   /// Where it is predicted, to be put back there.
@@ -219,11 +230,17 @@ class RememberedObject {
   const cv::Point2d& center() const { return center_; }
   float depth_m() const { return z_; }
   float predicted_depth_m() const { return predicted_z_; }
-  /// How far the last predict() carried its centre across the picture, pixels.
-  double way_px() const { return way_px_; }
+  /// How far the last predict() carried its centre across the image, pixels.
+  double displacement_px() const { return displacement_px_; }
 
  private:
   static constexpr std::int64_t kOne = std::int64_t{1} << 32;  // pixel
+
+  static Eigen::Vector3d ray_of(const Lens& lens, const Eigen::Vector2d& pixel) {
+    return lens.ray(static_cast<float>(pixel.x()), static_cast<float>(pixel.y()))
+        .cast<double>()
+        .homogeneous();
+  }
 
   // The row of an instance's mask at row y and the left end of box_; null for a bare box.
   const uchar* row_at(const Instance& instance, int y) const {
@@ -330,9 +347,9 @@ class RememberedObject {
   cv::Rect box_;
   std::vector<uchar> mask_;
   cv::Point2d center_;
-  float z_ = 0, predicted_z_ = 0, went_m_ = 0;
+  float z_ = 0, predicted_z_ = 0, depth_motion_m_ = 0;
   bool camera_known_ = false;
-  double way_px_ = 0;
+  double displacement_px_ = 0;
   std::vector<Point> inside_, ring_;
   std::vector<float> depths_;
   TemplatePatch patch_;

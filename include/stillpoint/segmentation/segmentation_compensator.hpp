@@ -6,7 +6,6 @@
 #include <cmath>
 #include <cstdint>
 #include <cstring>
-#include <functional>
 #include <limits>
 #include <opencv2/core.hpp>
 #include <optional>
@@ -17,7 +16,10 @@
 #include "stillpoint/core/camera.hpp"
 #include "stillpoint/core/depth_view.hpp"
 #include "stillpoint/core/frame.hpp"
+#include "stillpoint/core/frame_context.hpp"
+#include "stillpoint/core/image_scale.hpp"
 #include "stillpoint/core/instance.hpp"
+#include "stillpoint/core/mask_pool.hpp"
 #include "stillpoint/core/status.hpp"
 #include "stillpoint/segmentation/object_locator.hpp"
 #include "stillpoint/segmentation/remembered_object.hpp"
@@ -41,7 +43,6 @@ namespace stillpoint {
 class SegmentationCompensator {
  public:
   using Settings = SegmentationCompensatorSettings;
-  using ClearStatic = std::function<void(const cv::Rect& area, cv::Mat& mask, bool wide_only)>;
 
   /// `camera` is needed only to use camera motion.
   explicit SegmentationCompensator(const Settings& settings = {}, const Camera& camera = {})
@@ -53,51 +54,48 @@ class SegmentationCompensator {
 
   /// Returns the segmentation of `frame` with missed objects restored: the given instances, in
   /// order, some of them enlarged, then the wholly restored ones. `T_current_last` maps points of
-  /// the last frame's camera into this one's. The reference and the masks of restored instances
-  /// stay valid until the next call.
+  /// the last frame's camera into this one's. The reference stays valid until the next call; masks
+  /// that are copied out of it stay as they are.
   const Segmentation& compensate(
       const RgbdFrame& frame, const Segmentation& segmentation,
       const std::optional<Eigen::Isometry3d>& T_current_last = std::nullopt) {
-    mend(frame, segmentation, T_current_last);
-    remember(frame, output_.instances);
+    own_context_.begin(frame, camera_);
+    own_context_.T_current_last = T_current_last;
+    mend(own_context_, segmentation);
+    remember(own_context_, output_.instances);
     return output_;
   }
 
   /// The first half of compensate(), for callers that have better masks to remember: call
   /// remember() for the same frame before the next mend().
-  /// `blur` is the frame's, if it was measured: it tells how much a result says of what it misses,
-  /// and that of each instance is filled in.
-  /// `clear_static`, if given, clears from the mask of an area what is known to have stood there
-  /// before (MotionCheck::clear_static()): there the mask of an object with a name is false, and is
-  /// not carried along, and, but for its rim, not taken. An object without one was found by its
-  /// motion, which is the better evidence.
-  const Segmentation& mend(const RgbdFrame& frame, const Segmentation& segmentation,
-                           const std::optional<Eigen::Isometry3d>& T_current_last = std::nullopt,
-                           const PictureBlur* blur = nullptr,
-                           const ClearStatic& clear_static = nullptr) {
-    check_frame(frame);
-    const cv::Size size = frame.color.size();
+  /// What the context knows is used: the camera's motion; the blur, which tells how much a result
+  /// says of what it misses, and which is filled in for each instance; and the labels of the cells:
+  /// where a static surface is known, the mask of an object with a name is false, and is neither
+  /// carried along nor, but for its rim, taken. An object without a name was found by its motion,
+  /// which is the better evidence, but is not carried along there.
+  const Segmentation& mend(const FrameContext& context, const Segmentation& segmentation) {
+    const cv::Size size = context.size();
     check_segmentation(segmentation, size);
-    begin(frame, segmentation);
-    blur_ = blur, clear_static_ = &clear_static;
-    if (clear_static)
-      for (Instance& s : output_.instances) trim(s);
+    begin(context, segmentation);
+    const std::optional<Eigen::Isometry3d> T =
+        camera_.valid() ? context.T_current_last : std::nullopt;
+    for (Instance& s : output_.instances) trim(context, s);
     for (RememberedObject& object : objects_)
-      object.predict(frame.timestamp, camera_, T_current_last, max_speed_px(object, size));
+      object.predict(context.frame.timestamp, context.depth.lens(), T, max_speed_px(object, size));
     if (segmentation.available) {
-      newest_result_s_ = frame.timestamp - age_s_;
-      last_result_at_s_ = frame.timestamp;
+      newest_result_s_ = context.frame.timestamp - age_s_;
+      last_result_at_s_ = context.frame.timestamp;
       late_ = age_s_ > 0;
     }
     associate(size);
-    for (std::size_t i = 0; blur && i < given_; ++i) {
+    for (std::size_t i = 0; i < given_; ++i) {
       Instance& s = output_.instances[i];
-      s.blur =
-          owner_[i] < 0 ? blur->in(s.box) : blur_of(static_cast<std::size_t>(owner_[i]), s.box);
+      s.blur = owner_[i] < 0 ? context.blur.in(s.box)
+                             : blur_of(context, static_cast<std::size_t>(owner_[i]), s.box);
     }
     const bool look = settings_.trigger == Settings::Trigger::kPerObject ||
                       !segmentation.available || area_dropped();
-    for (std::size_t j = 0; j < objects_.size(); ++j) judge(frame, j, look);
+    for (std::size_t j = 0; j < objects_.size(); ++j) judge(context, j, look);
     return output_;
   }
 
@@ -107,7 +105,8 @@ class SegmentationCompensator {
   /// The second half of compensate(): remembers the instances that mend() returned, trimmed to
   /// `refined`, the same instances in the same order after depth fusion (bare boxes take its masks
   /// over). What the fusion added is not remembered: it would flow on into the furniture beside it.
-  void remember(const RgbdFrame& frame, const std::vector<Instance>& refined) {
+  void remember(const FrameContext& context, const std::vector<Instance>& refined) {
+    const DepthView& depth = depth_of(context);
     detail::check(refined.size() == owner_.size(), [&] {
       return "remember: expected one instance for each of mend(), " +
              std::to_string(owner_.size()) + ", found " + std::to_string(refined.size());
@@ -120,14 +119,14 @@ class SegmentationCompensator {
       owner_[i] = static_cast<int>(objects_.size());
       objects_.emplace_back();
       objects_.back().id = next_id_++;
-      objects_.back().seen_s = frame.timestamp;
+      objects_.back().seen_s = context.frame.timestamp;
     }
     for (std::size_t i = 0; i < owner_.size(); ++i) {
       RememberedObject& object = objects_[static_cast<std::size_t>(owner_[i])];
       if (!object.alive) continue;
-      object.observe(frame, depth_, refined[i], &output_.instances[i]);
+      object.observe(context.gray(), depth, refined[i], &output_.instances[i]);
       if (object.inside().size() >= kFewestPoints)
-        object.add_place(frame.timestamp, settings_.corner_history, history());
+        object.add_place(context.frame.timestamp, settings_.corner_history, history());
       else
         object.alive = false;
     }
@@ -159,14 +158,13 @@ class SegmentationCompensator {
 
   std::size_t history() const { return static_cast<std::size_t>(settings_.history); }
 
-  void begin(const RgbdFrame& frame, const Segmentation& segmentation) {
+  void begin(const FrameContext& context, const Segmentation& segmentation) {
+    const RgbdFrame& frame = context.frame;
     status_ = kOk;
     restored_ = 0;
-    if (settings_.use_depth) {
-      depth_.set(frame, camera_);
-      // All of it black tells no more than none at all.
-      if (!depth_.empty() && !depth_.any_measured(segmentation.instances)) depth_.clear();
-    }
+    // A depth image that is black all over tells no more than none at all.
+    has_depth_ = settings_.use_depth && !context.depth.empty() &&
+                 context.depth.any_measured(segmentation.instances);
     if (frame.timestamp <= last_s_) {
       reset();
       status_ |= kTimestampOrder;
@@ -180,7 +178,6 @@ class SegmentationCompensator {
     given_ = output_.instances.size();
     owner_.assign(given_, -1);
     instance_of_.assign(objects_.size(), -1);
-    buffers_used_ = 0;
     // A result may be an earlier frame's, predicted forward (see ForwardPredictor).
     age_s_ = frame.timestamp - newest_result_s_;
     if (segmentation.available)
@@ -190,21 +187,19 @@ class SegmentationCompensator {
     if (!segmentation.available && std::isinf(age_s_)) status_ |= kNeverSegmented;
   }
 
-  // Clears what is known to be static from a given mask.
-  void trim(Instance& s) {
-    if (s.class_name.empty() || s.mask.empty()) return;
-    cv::Mat mask = next_mask(s.box.size());
-    s.mask.copyTo(mask);
-    (*clear_static_)(s.box, mask, true);
-    s.mask = mask;
+  // The frame's depth, or an empty one where it is not to be used.
+  const DepthView& depth_of(const FrameContext& context) const {
+    static const DepthView none;
+    return has_depth_ ? context.depth : none;
   }
 
-  // A mask of unknown content that stays until the next mend().
-  cv::Mat next_mask(const cv::Size& size) {
-    if (buffers_used_ == buffers_.size()) buffers_.emplace_back();
-    std::vector<uchar>& buffer = buffers_[buffers_used_++];
-    buffer.resize(std::max(buffer.size(), static_cast<std::size_t>(size.area())));
-    return cv::Mat(size, CV_8UC1, buffer.data());
+  // Clears what is known to be static from a given mask.
+  void trim(const FrameContext& context, Instance& s) {
+    if (context.labels.empty() || s.class_name.empty() || s.mask.empty()) return;
+    cv::Mat mask = masks_.take(s.box.size());
+    s.mask.copyTo(mask);
+    context.labels.clear_static(s.box, mask, true);
+    s.mask = mask;
   }
 
   double max_speed_px(const RememberedObject& object, const cv::Size& size) const {
@@ -245,18 +240,21 @@ class SegmentationCompensator {
   }
 
   // Decides what becomes of a remembered object in this frame.
-  void judge(const RgbdFrame& frame, std::size_t j, bool look) {
+  void judge(const FrameContext& context, std::size_t j, bool look) {
+    const RgbdFrame& frame = context.frame;
+    const cv::Size size = context.size();
+    const DepthView& depth = depth_of(context);
     RememberedObject& object = objects_[j];
     const bool seen = instance_of_[j] >= 0;
     if (seen) {
       object.seen_for_s += std::min(frame.timestamp - object.seen_s, kGapS);
       object.seen_s = frame.timestamp;
       ++object.times_seen;
-      object.forget_way();
-    } else if (std::abs(object.went_m()) > kSurelyMovedM) {
+      object.forget_depth_motion();
+    } else if (std::abs(object.depth_motion_m()) > kSurelyMovedM) {
       // Who walks away is not where it was seen free before, yet goes on moving.
       object.seen_s = frame.timestamp;
-      object.forget_way();
+      object.forget_depth_motion();
     }
     // A late segmenter gives few results: one that misses the object must not end it.
     const double known_s = late_ ? std::max(object.seen_s, last_result_at_s_) : object.seen_s;
@@ -271,7 +269,7 @@ class SegmentationCompensator {
       object.mended = 0;
       return;
     }
-    if (!seen && !locator_.locate(frame, depth_, object)) {
+    if (!seen && !locator_.locate(context, depth, object)) {
       object.alive = false;
       return;
     }
@@ -279,11 +277,9 @@ class SegmentationCompensator {
       object.mended = 0;  // the paper restores whole objects only
       return;
     }
-    if (seen && (depth_.empty() || object.depth_m() == 0))
-      locator_.align_to(output_.instances[static_cast<std::size_t>(instance_of_[j])],
-                        frame.color.size(), object);
-    const double missing =
-        locator_.missing_share(depth_, frame.color.size(), object, output_.instances, given_);
+    if (seen && (depth.empty() || object.depth_m() == 0))
+      locator_.align_to(output_.instances[static_cast<std::size_t>(instance_of_[j])], size, object);
+    const double missing = locator_.missing_share(depth, size, object, output_.instances, given_);
     if (missing <= 1 - settings_.area_ratio) {
       object.alive = seen;  // what is left of it is in another object's mask
       object.mended = 0;
@@ -291,12 +287,12 @@ class SegmentationCompensator {
     }
     // A segmenter says nothing of what it has no name for: only time ends that.
     if (output_.available && !object.class_name.empty() &&
-        (object.mended += weight_of_miss(frame.color.size(), j)) > bound_misses(object, seen)) {
+        (object.mended += weight_of_miss(context, j)) > bound_misses(object, seen)) {
       object.alive = seen;
       object.mended = 0;
       return;
     }
-    restore(frame.color.size(), j);
+    restore(context, j);
   }
 
   // How many results in a row may miss an object. What was seen once or twice only may be a piece
@@ -316,7 +312,8 @@ class SegmentationCompensator {
   }
 
   // Writes the object's predicted mask as an instance, or unites it with what was seen of it.
-  void restore(const cv::Size& size, std::size_t j) {
+  void restore(const FrameContext& context, std::size_t j) {
+    const cv::Size size = context.size();
     RememberedObject& object = objects_[j];
     const cv::Rect predicted = object.predicted_box(size);
     if (predicted.empty()) {
@@ -330,11 +327,11 @@ class SegmentationCompensator {
       if (instance->mask.empty()) return;  // a bare box: the depth fusion finds what is in it
       area |= instance->box;
     }
-    cv::Mat mask = next_mask(area.size());
+    cv::Mat mask = masks_.take(area.size());
     std::memset(mask.data, 0, mask.total());
     object.draw_predicted(area, mask);
-    if (*clear_static_ && !object.class_name.empty()) {
-      (*clear_static_)(area, mask, false);
+    if (!context.labels.empty()) {
+      context.labels.clear_static(area, mask, object.class_name.empty());
       if (!instance && cv::countNonZero(mask) == 0) {
         object.alive = false;
         return;
@@ -358,21 +355,23 @@ class SegmentationCompensator {
     }
     instance->box = area;
     instance->mask = mask;
-    if (blur_) instance->blur = blur_of(j, area);
+    instance->blur = blur_of(context, j, area);
     ++restored_;
     status_ |= kRestored;
   }
 
   // Who is missed in a sharp picture is not there, more likely than in a blurred one.
-  int weight_of_miss(const cv::Size& size, std::size_t j) const {
-    const bool sharp = instance_of_[j] < 0 && blur_ && settings_.sharp_px > 0 &&
-                       blur_of(j, objects_[j].predicted_box(size)).is_sharp(settings_.sharp_px);
+  int weight_of_miss(const FrameContext& context, std::size_t j) const {
+    const cv::Size size = context.size();
+    const bool sharp = instance_of_[j] < 0 && settings_.sharp_px > 0 &&
+                       blur_of(context, j, objects_[j].predicted_box(size))
+                           .is_sharp(settings_.sharp_px * pixel_scale(size));
     return sharp ? 2 : 1;
   }
 
   // Of a remembered object that is in `box`.
-  Blur blur_of(std::size_t object, const cv::Rect& box) const {
-    return blur_->in(box, objects_[object].way_px());
+  Blur blur_of(const FrameContext& context, std::size_t object, const cv::Rect& box) const {
+    return context.blur.in(box, objects_[object].displacement_px());
   }
 
   static double area_of(const Instance& s) {
@@ -396,18 +395,16 @@ class SegmentationCompensator {
 
   Settings settings_;
   Camera camera_;
-  DepthView depth_;
+  FrameContext own_context_;
+  bool has_depth_ = false;  // the frame of mend() has depth that is to be used
   ObjectLocator locator_;
-  const PictureBlur* blur_ = nullptr;          // of the frame of mend()
-  const ClearStatic* clear_static_ = nullptr;  // the same
   std::vector<RememberedObject> objects_;
   Segmentation output_;
   std::size_t given_ = 0;
   std::vector<int> owner_;        // instance -> object
   std::vector<int> instance_of_;  // object -> instance
   std::vector<Pair> pairs_;
-  std::vector<std::vector<uchar>> buffers_;
-  std::size_t buffers_used_ = 0;
+  detail::MaskPool masks_;
   double last_s_ = -std::numeric_limits<double>::infinity();
   double newest_result_s_ = -std::numeric_limits<double>::infinity();
   double last_result_at_s_ = -std::numeric_limits<double>::infinity();

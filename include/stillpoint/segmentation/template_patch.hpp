@@ -16,7 +16,7 @@ namespace stillpoint {
 class TemplatePatch {
  public:
   /// Samples at most 24 x 24 pixels of the instance's box, those on its mask. O(1).
-  void sample(const cv::Mat& color, const Instance& instance) {
+  void sample(const cv::Mat& gray, const Instance& instance) {
     count_ = 0;
     const int step_x = std::max(1, instance.box.width / kSide);
     const int step_y = std::max(1, instance.box.height / kSide);
@@ -25,14 +25,14 @@ class TemplatePatch {
       for (int x = step_x / 2; x < instance.box.width && count_ < kMax; x += step_x) {
         if (!instance.mask.empty() && !instance.mask.ptr<uchar>(y)[x]) continue;
         points_[count_++] = {static_cast<short>(x), static_cast<short>(y),
-                             value(color, instance.box.x + x, instance.box.y + y)};
+                             value(gray, instance.box.x + x, instance.box.y + y)};
       }
   }
 
   /// Best zero-mean normalised correlation with the patch's upper-left corner within
   /// `radius_px` of `corner`, which is set to the best place; -1 if too little of it is in the
   /// picture or it has no texture. O(radius^2 x samples).
-  double locate(const cv::Mat& color, int radius_px, cv::Point& corner) const {
+  double locate(const cv::Mat& gray, int radius_px, cv::Point& corner) const {
     double best = -1;
     const cv::Point start = corner;
     const int step = std::max(1, std::min(step_, std::max(1, radius_px / 4)));
@@ -42,7 +42,7 @@ class TemplatePatch {
       for (int dy = -(reach / pass) * pass; dy <= reach; dy += pass)
         for (int dx = -(reach / pass) * pass; dx <= reach; dx += pass) {
           const cv::Point at(center.x + dx, center.y + dy);
-          const double score = correlate(color, at);
+          const double score = correlate(gray, at);
           // Of equal scores the place nearest to the prediction wins.
           const bool nearer = distance2(at, start) < distance2(corner, start);
           if (score > best + 1e-9 || (score > -1 && score > best - 1e-9 && nearer))
@@ -63,21 +63,18 @@ class TemplatePatch {
     std::uint8_t value;
   };
 
-  // Green stands in for grey: no conversion of the picture.
-  static std::uint8_t value(const cv::Mat& color, int x, int y) {
-    return color.channels() == 3 ? color.ptr<uchar>(y)[3 * x + 1] : color.ptr<uchar>(y)[x];
-  }
+  static std::uint8_t value(const cv::Mat& gray, int x, int y) { return gray.ptr<uchar>(y)[x]; }
 
   static int distance2(const cv::Point& a, const cv::Point& b) {
     return (a.x - b.x) * (a.x - b.x) + (a.y - b.y) * (a.y - b.y);
   }
 
-  double correlate(const cv::Mat& color, const cv::Point& corner) const {
+  double correlate(const cv::Mat& gray, const cv::Point& corner) const {
     std::int64_t n = 0, sa = 0, sb = 0, saa = 0, sbb = 0, sab = 0;
     for (std::size_t i = 0; i < count_; ++i) {
       const int x = corner.x + points_[i].x, y = corner.y + points_[i].y;
-      if (x < 0 || y < 0 || x >= color.cols || y >= color.rows) continue;
-      const std::int64_t a = points_[i].value, b = value(color, x, y);
+      if (x < 0 || y < 0 || x >= gray.cols || y >= gray.rows) continue;
+      const std::int64_t a = points_[i].value, b = value(gray, x, y);
       ++n, sa += a, sb += b, saa += a * a, sbb += b * b, sab += a * b;
     }
     if (n < 16 || static_cast<std::size_t>(n) * 3 < count_) return -1;

@@ -1,28 +1,35 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #pragma once
 
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <cstring>
 #include <opencv2/core.hpp>
 #include <vector>
 
 #include "stillpoint/core/config.hpp"
 #include "stillpoint/core/depth_view.hpp"
+#include "stillpoint/core/lens.hpp"
 
 namespace stillpoint {
 
-/// The depth of a frame averaged over square blocks, as the motion check looks at it: motion blur
-/// of a few pixels is hardly seen there, and a whole frame is a few thousand cells.
-struct CoarseFrame {
+/// The depth of a frame averaged over square cells, as the motion check looks at it: motion blur of
+/// a few pixels is hardly seen there, and a whole frame is a few thousand cells.
+struct DepthCells {
+  /// Side of a cell, pixels.
   int block_px = 8;
   int width = 0, height = 0;
   /// Depth per cell in metres; -1 where nothing in the block was measured, 0 where too little was
   /// or a depth edge tears it.
   std::vector<float> depth_m;
-  /// Focal length and principal point in cells.
+  /// Ray (x / z, y / z) of the center of each cell, lens distortion undone.
+  std::vector<float> ray_x, ray_y;
+  /// From a ray to a cell (its center at whole numbers): focal length, principal point, distortion.
   float fx = 1, fy = 1, cx = 0, cy = 0;
+  Lens::Coefficients distortion;
 
   std::size_t size() const {
     return static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
@@ -32,15 +39,21 @@ struct CoarseFrame {
            static_cast<std::size_t>(x);
   }
 
+  /// The cell, in parts of cells, that a ray falls on. O(1).
+  Eigen::Vector2f cell(float x, float y) const {
+    const float xx = x * x, yy = y * y, xy = x * y;
+    const float r2 = std::min(xx + yy, distortion.most_square);
+    const float radial = 1 + r2 * (distortion.k1 + r2 * (distortion.k2 + r2 * distortion.k3));
+    return {fx * (x * radial + 2 * distortion.p1 * xy + distortion.p2 * (r2 + 2 * xx)) + cx,
+            fy * (y * radial + distortion.p1 * (r2 + 2 * yy) + 2 * distortion.p2 * xy) + cy};
+  }
+
   /// Takes the depth of the blocks of a frame. O(pixels / 4).
   void set(const DepthView& depth, int block) {
     block_px = block;
     width = depth.size().width / block, height = depth.size().height / block;
     depth_m.resize(size());
-    const float b = static_cast<float>(block);
-    fx = depth.focal_px() / b, fy = depth.focal_y_px() / b;
-    // The centre of cell i is pixel block * i + (block - 1) / 2.
-    cx = (depth.center_x() - 0.5f * (b - 1)) / b, cy = (depth.center_y() - 0.5f * (b - 1)) / b;
+    set_rays(depth.lens());
     if (depth.empty()) {
       std::fill(depth_m.begin(), depth_m.end(), 0.0f);
       return;
@@ -56,6 +69,26 @@ struct CoarseFrame {
   }
 
  private:
+  void set_rays(const Lens& lens) {
+    const float b = static_cast<float>(block_px);
+    // The center of cell i is pixel block * i + (block - 1) / 2.
+    const float fx_now = lens.fx() / b, fy_now = lens.fy() / b;
+    const float cx_now = (lens.cx() - 0.5f * (b - 1)) / b;
+    const float cy_now = (lens.cy() - 0.5f * (b - 1)) / b;
+    const Lens::Coefficients now = lens.coefficients();
+    if (ray_x.size() == size() && fx == fx_now && fy == fy_now && cx == cx_now && cy == cy_now &&
+        std::memcmp(&now, &distortion, sizeof now) == 0)
+      return;
+    fx = fx_now, fy = fy_now, cx = cx_now, cy = cy_now, distortion = now;
+    ray_x.resize(size()), ray_y.resize(size());
+    for (int y = 0; y < height; ++y)
+      for (int x = 0; x < width; ++x) {
+        const Eigen::Vector2f ray = lens.ray(b * static_cast<float>(x) + 0.5f * (b - 1),
+                                             b * static_cast<float>(y) + 0.5f * (b - 1));
+        ray_x[index(x, y)] = ray.x(), ray_y[index(x, y)] = ray.y();
+      }
+  }
+
   // What every second row of a row of blocks measures, per column of pixels.
   struct Columns {
     std::vector<std::uint16_t> lo, hi, n;  // lo: one less; 65535 without a measurement

@@ -11,16 +11,16 @@
 
 #include "stillpoint/core/config.hpp"
 #include "stillpoint/core/depth_view.hpp"
-#include "stillpoint/core/frame.hpp"
+#include "stillpoint/core/frame_context.hpp"
 #include "stillpoint/motion/patch_shift.hpp"
 
 namespace stillpoint::detail {
 
-/// By a whole factor; a rest of rows or columns is left out.
+/// By a whole factor; a rest of rows or columns is left out. `to` never shares memory with `from`.
 inline void shrink(const cv::Mat& from, int factor, cv::Mat& to) {
   const cv::Size size(from.cols / factor, from.rows / factor);
   if (factor == 1)
-    to = from;
+    from.copyTo(to);
   else
     cv::resize(from(cv::Rect(cv::Point(), size * factor)), to, size, 0, 0, cv::INTER_AREA);
 }
@@ -33,11 +33,11 @@ struct Corner {
 
 /// A frame in two sizes and its corners: fine, about 320 pixels in a row, so that all cameras are
 /// treated alike, and coarse, half of that.
-class CornerPicture {
+class CornerImage {
  public:
   /// What is nearer to the camera is not seen.
   static constexpr float kLeastDepthM = 0.2f;
-  /// How far the patch on the fine and that on the coarse picture reach, fine pixels.
+  /// How far the patch on the fine and that on the coarse image reach, fine pixels.
   static constexpr int kNear = Patch::kRadius, kFar = 2 * Patch::kRadius;
 
   /// Pixels of the frame per fine one.
@@ -45,7 +45,7 @@ class CornerPicture {
   /// CV_32FC1: read many times.
   cv::Mat fine, coarse;
   std::vector<Corner> corners;
-  /// Of the frame.
+  /// Of the frame, for its undistorted pixels.
   float fx = 1, fy = 1, cx = 0, cy = 0;
   bool empty = true;
 
@@ -57,29 +57,27 @@ class CornerPicture {
     return s * static_cast<float>(fine_px) + 0.5f * (s - 1);
   }
 
-  /// Where a point before the camera is in the frame.
+  /// Where a point before the camera is in the undistorted frame.
   Eigen::Vector2f project(const Eigen::Vector3f& q) const {
     return {fx * q.x() / q.z() + cx, fy * q.y() / q.z() + cy};
   }
 
   /// O(pixels).
-  void set(const RgbdFrame& frame, const DepthView& view) {
+  void set(const FrameContext& context) {
+    const DepthView& view = context.depth;
     empty = view.empty();
     corners.clear();
     if (empty) return;
-    frame_size_ = frame.color.size();
+    frame_size_ = context.size();
     scale = std::max(1, (frame_size_.width + 160) / 320);
     empty = std::min(frame_size_.width, frame_size_.height) < 2 * kRim * scale;  // nothing in it
     if (empty) return;
-    if (frame.color.channels() == 3)
-      cv::extractChannel(frame.color, gray_, 1);
-    else
-      gray_ = frame.color;
-    shrink(gray_, scale, fine_bytes_);
+    shrink(context.gray(), scale, fine_bytes_);
     shrink(fine_bytes_, 2, coarse_bytes_);
     fine_bytes_.convertTo(fine, CV_32F);
     coarse_bytes_.convertTo(coarse, CV_32F);
-    fx = view.focal_px(), fy = view.focal_y_px(), cx = view.center_x(), cy = view.center_y();
+    const Lens& lens = view.lens();
+    fx = lens.fx(), fy = lens.fy(), cx = lens.cx(), cy = lens.cy();
     find_corners(view);
   }
 
@@ -160,7 +158,7 @@ class CornerPicture {
   }
 
   cv::Size frame_size_;
-  cv::Mat gray_, fine_bytes_, coarse_bytes_, score_;
+  cv::Mat fine_bytes_, coarse_bytes_, score_;
   std::vector<float> highest_;  // score of the columns of a row of blocks
 };
 

@@ -1,0 +1,87 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+#include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
+#include <vector>
+
+namespace stillpoint {
+
+/// What earlier frames say of a cell of the image.
+enum class CellLabel : std::uint8_t {
+  kUnknown,  ///< no depth, never seen from where it could be judged, or not certain
+  kStatic,   ///< the same surface was there before
+  kMoved     ///< earlier frames looked through the place where it is now
+};
+
+/// A label for each cell, a square of pixels, of a frame. Empty: nothing is known.
+class CellLabels {
+ public:
+  void clear() { width_ = height_ = 0, labels_.clear(); }
+  bool empty() const { return labels_.empty(); }
+
+  /// All unknown.
+  void reset(int block_px, int width, int height) {
+    block_px_ = block_px, width_ = width, height_ = height;
+    labels_.assign(static_cast<std::size_t>(width) * static_cast<std::size_t>(height),
+                   CellLabel::kUnknown);
+  }
+  /// Side of a cell, pixels.
+  int block_px() const { return block_px_; }
+  int width() const { return width_; }
+  int height() const { return height_; }
+  CellLabel& operator[](std::size_t i) { return labels_[i]; }
+  CellLabel operator[](std::size_t i) const { return labels_[i]; }
+  std::size_t size() const { return labels_.size(); }
+
+  /// To be called once the labels stand: finds what known_static() and clear_static() ask for.
+  /// O(cells).
+  void find_wide_static() {
+    static_.create(height_, width_);
+    for (int y = 0; y < height_; ++y)
+      for (int x = 0; x < width_; ++x) static_(y, x) = at(x, y) == CellLabel::kStatic ? 255 : 0;
+    cv::morphologyEx(static_, wide_static_, cv::MORPH_OPEN, cross());
+  }
+
+  /// Whether at a pixel there is a surface, three cells wide or more, that earlier frames had seen
+  /// there and not taken for dynamic. O(1).
+  bool known_static(const cv::Point& pixel) const {
+    if (empty()) return false;
+    const int x = pixel.x / block_px_, y = pixel.y / block_px_;
+    return x < width_ && y < height_ && wide_static_(y, x) != 0;
+  }
+
+  /// Sets `mask`, CV_8UC1 of the size of `area` (inside the frame), to 0 where there is a static
+  /// surface. With `wide_only`, what is thinner than three cells stays: cells at an outline show
+  /// both sides of it. O(cells of area).
+  void clear_static(const cv::Rect& area, cv::Mat& mask, bool wide_only) const {
+    if (empty() || area.empty()) return;
+    const cv::Mat_<uchar>& cells = wide_only ? wide_static_ : static_;
+    const int b = block_px_, right = area.x + area.width, bottom = area.y + area.height;
+    const int last_x = std::min((right + b - 1) / b, width_);
+    const int last_y = std::min((bottom + b - 1) / b, height_);
+    for (int y = area.y / b; y < last_y; ++y)
+      for (int x = area.x / b; x < last_x; ++x)
+        if (cells(y, x) != 0)
+          mask(cv::Rect(cv::Rect(x * b, y * b, b, b) & area) - area.tl()).setTo(0);
+  }
+
+ private:
+  CellLabel at(int x, int y) const {
+    return labels_[static_cast<std::size_t>(y) * static_cast<std::size_t>(width_) +
+                   static_cast<std::size_t>(x)];
+  }
+  static const cv::Mat& cross() {
+    static const cv::Mat element = cv::getStructuringElement(cv::MORPH_CROSS, {3, 3});
+    return element;
+  }
+
+  int block_px_ = 8, width_ = 0, height_ = 0;
+  std::vector<CellLabel> labels_;
+  cv::Mat_<uchar> static_, wide_static_;
+};
+
+}  // namespace stillpoint

@@ -1,0 +1,187 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <Eigen/Cholesky>
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <limits>
+#include <optional>
+#include <vector>
+
+#include "stillpoint/motion/depth_cells.hpp"
+#include "stillpoint/motion/free_space_map.hpp"
+#include "stillpoint/sensor/sensor_model.hpp"
+
+namespace stillpoint {
+
+/// Finds the pose of a depth image against the surfaces of the last seconds, from near a predicted
+/// one: Gauss-Newton steps on the differences of depth (projective ICP) with Tukey's weights.
+///
+/// Poses from color images are those of another moment (Kinects take depth and color up to 17 ms
+/// apart, and read both out row by row), and drift. What compares depth images needs the pose of
+/// the depth image itself, and this finds it to a fraction of a cell. A cell counts by the area
+/// that it stands for in space, so that a person close by has no more say than the wall behind.
+class DepthRegistration {
+ public:
+  explicit DepthRegistration(const SensorModel& sensor = {}) : sensor_(sensor) {}
+
+  struct Result {
+    Eigen::Isometry3d T_map_depth = Eigen::Isometry3d::Identity();
+    /// Share of the comparable cells whose depth agrees, 0 to 1.
+    double fit = 0;
+  };
+
+  /// `prior`: the predicted pose, and its standard deviations. No value where too few cells can be
+  /// compared. O(cells x 12).
+  std::optional<Result> align(double timestamp, const DepthCells& cells, const FreeSpaceMap& map,
+                              const Eigen::Isometry3d& prior, double rotation_sigma,
+                              double translation_sigma_m) {
+    static constexpr std::array<double, 4> kAgesS = {1.6, 0.7, 0.25, 0.05};
+    map.views_at(timestamp, kAgesS, views_);
+    take_points(cells);
+    Result result{prior, 0};
+    for (int i = 0; i < kSteps; ++i) {
+      // From far few agree exactly.
+      const bool coarse = i < 2;
+      compare(cells, result.T_map_depth, i == 0 ? 3.0f : i == 1 ? 2.0f : 1.0f, coarse ? 2 : 1);
+      if (weight_.size() < kFewest) return std::nullopt;
+      result.fit = static_cast<double>(agreeing_) / static_cast<double>(compared_);
+      const double step = improve(prior, rotation_sigma, translation_sigma_m, result.T_map_depth);
+      if (!(step < kMostStep)) return std::nullopt;
+      if (i >= 2 && step < kTinyStep) break;
+    }
+    return result;
+  }
+
+ private:
+  using Vector6f = Eigen::Matrix<float, 6, 1>;
+  static constexpr int kSteps = 4;
+  static constexpr std::size_t kFewest = 100;                 // cells
+  static constexpr double kMostStep = 0.5, kTinyStep = 2e-4;  // radians and metres
+  // Neighbors err alike: so many cells tell as much as all.
+  static constexpr double kIndependent = 50;
+  static constexpr float kTukey = 4;         // sigmas beyond which a cell has no say
+  static constexpr float kMostCountedM = 4;  // area grows no more beyond
+  static constexpr float kSmoothM = 0.05f, kSmoothShare = 0.05f;  // no edge between four cells
+
+  struct Point {
+    Eigen::Vector3f p;
+    float area;
+  };
+
+  // Every third cell.
+  void take_points(const DepthCells& cells) {
+    points_.clear();
+    for (int y = 0; y < cells.height; ++y)
+      for (int x = y % 3; x < cells.width; x += 3) {
+        const std::size_t i = cells.index(x, y);
+        const float z = cells.depth_m[i];
+        if (!(z > 0)) continue;
+        const float counted = std::min(z, kMostCountedM);
+        points_.push_back({{cells.ray_x[i] * z, cells.ray_y[i] * z, z}, counted * counted});
+      }
+  }
+
+  // Fills error_, weight_ and slopes_ for all points in all views.
+  void compare(const DepthCells& cells, const Eigen::Isometry3d& T_map_depth, float reach,
+               std::size_t stride) {
+    error_.clear(), weight_.clear(), slopes_.clear();
+    compared_ = agreeing_ = 0;
+    for (const DepthKeyView* view : views_) {
+      const Eigen::Isometry3d T = view->T_map_depth.inverse() * T_map_depth;
+      const Eigen::Matrix3f R = T.linear().cast<float>();
+      const Eigen::Vector3f t = T.translation().cast<float>();
+      for (std::size_t i = 0; i < points_.size(); i += stride)
+        compare(cells, *view, R, t, points_[i], reach);
+    }
+  }
+
+  void compare(const DepthCells& cells, const DepthKeyView& view, const Eigen::Matrix3f& R,
+               const Eigen::Vector3f& t, const Point& point, float reach) {
+    const Eigen::Vector3f q = R * point.p + t;
+    if (!(q.z() > static_cast<float>(sensor_.min_range_m))) return;
+    const float inverse = 1 / q.z();
+    const Eigen::Vector2f cell = cells.cell(q.x() * inverse, q.y() * inverse);
+    if (!(cell.x() >= 1 && cell.y() >= 1 && cell.x() < static_cast<float>(cells.width - 2) &&
+          cell.y() < static_cast<float>(cells.height - 2)))
+      return;
+    const int x = static_cast<int>(cell.x()), y = static_cast<int>(cell.y());
+    const float a = cell.x() - static_cast<float>(x), b = cell.y() - static_cast<float>(y);
+    const float* over = view.surface_m.ptr<float>(y) + x;
+    const float* under = view.surface_m.ptr<float>(y + 1) + x;
+    const float least = std::min(std::min(over[0], over[1]), std::min(under[0], under[1]));
+    const float most = std::max(std::max(over[0], over[1]), std::max(under[0], under[1]));
+    if (!(least > 0) || most - least > kSmoothM + kSmoothShare * least) return;
+    const float left = over[0] + b * (under[0] - over[0]);
+    const float right = over[1] + b * (under[1] - over[1]);
+    const float error = left + a * (right - left) - q.z();
+    const float sigma = sensor_.depth_sigma_m(q.z()) + kCellSigmaM;
+    ++compared_;
+    agreeing_ += std::abs(error) < sensor_.least_step_m(q.z());
+    const float far = error / (kTukey * reach * sigma), near = 1 - far * far;
+    if (!(near > 0)) return;
+    // How the difference changes as the point moves: along the surface's slope, and in depth.
+    const float du = cells.fx * inverse * (right - left);
+    const float dv =
+        cells.fy * inverse * ((1 - a) * (under[0] - over[0]) + a * (under[1] - over[1]));
+    const Eigen::Vector3f slope(du, dv, -(du * q.x() + dv * q.y()) * inverse - 1);
+    const Eigen::Vector3f in_camera = R.transpose() * slope;
+    error_.push_back(error);
+    weight_.push_back(near * near * point.area / (sigma * sigma));
+    Vector6f J;
+    J << in_camera, point.p.cross(in_camera);
+    slopes_.push_back(J);
+  }
+
+  // One step; its size.
+  double improve(const Eigen::Isometry3d& prior, double rotation_sigma, double translation_sigma_m,
+                 Eigen::Isometry3d& T) const {
+    Eigen::Matrix<float, 6, 6> sum = Eigen::Matrix<float, 6, 6>::Zero();
+    Vector6f right = Vector6f::Zero();
+    float area = 0;
+    for (std::size_t i = 0; i < weight_.size(); ++i) {
+      const Vector6f weighted = weight_[i] * slopes_[i];
+      sum.noalias() += weighted * slopes_[i].transpose();
+      right.noalias() += weighted * error_[i];
+      area += kUsualArea;
+    }
+    const double per = kIndependent / static_cast<double>(area);
+    Eigen::Matrix<double, 6, 6> H = sum.cast<double>() * per;
+    Eigen::Matrix<double, 6, 1> g = right.cast<double>() * per;
+    const Eigen::Isometry3d off = prior.inverse() * T;
+    const Eigen::AngleAxisd rotated(off.linear());
+    const Eigen::Vector3d rotation = rotated.angle() * rotated.axis();
+    const double of_t = 1 / (translation_sigma_m * translation_sigma_m);
+    const double of_r = 1 / (rotation_sigma * rotation_sigma);
+    H.diagonal().head<3>().array() += of_t;
+    H.diagonal().tail<3>().array() += of_r;
+    g.head<3>() += of_t * off.translation();
+    g.tail<3>() += of_r * rotation;
+    const Eigen::Matrix<double, 6, 1> d = -H.ldlt().solve(g);
+    if (!d.allFinite()) return std::numeric_limits<double>::infinity();
+    const double angle = d.tail<3>().norm();
+    Eigen::Isometry3d step = Eigen::Isometry3d::Identity();
+    if (angle > 1e-12)
+      step.linear() = Eigen::AngleAxisd(angle, d.tail<3>() / angle).toRotationMatrix();
+    step.translation() = d.head<3>();
+    T = T * step;
+    T.linear() = Eigen::Quaterniond(T.linear()).normalized().toRotationMatrix();
+    return d.norm();
+  }
+
+  static constexpr float kCellSigmaM = 0.005f;  // a cell's depth is a mean over its pixels
+  static constexpr float kUsualArea = 4;        // weight of a cell 2 m away
+
+  SensorModel sensor_;
+  std::vector<const DepthKeyView*> views_;
+  std::vector<Point> points_;
+  std::size_t compared_ = 0, agreeing_ = 0;
+  std::vector<float> error_, weight_;
+  std::vector<Vector6f> slopes_;
+};
+
+}  // namespace stillpoint

@@ -1,0 +1,247 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <Eigen/Geometry>
+#include <cmath>
+#include <cstdint>
+#include <limits>
+#include <opencv2/core.hpp>
+#include <optional>
+#include <string>
+
+#include "stillpoint/core/error.hpp"
+#include "stillpoint/core/frame_context.hpp"
+#include "stillpoint/core/status.hpp"
+#include "stillpoint/motion/camera_motion.hpp"
+
+namespace stillpoint {
+
+/// Settings of EgoMotion.
+struct EgoMotionSettings {
+  /// Measure the motion from frame to frame from the images themselves. False: only what the host
+  /// tells is known.
+  bool measure = true;
+  /// A motion between two frames beyond these is a cut: nothing before it helps any more.
+  double max_step_m = 0.5;
+  double max_rotation_deg = 30;
+  /// The host's motion is not believed where the images' own has so much more support (0 to 1).
+  double max_doubt = 0.08;
+  /// A host whose step differs by more than this from the motion known has jumped (it closed a
+  /// loop, or found itself again); the camera has not.
+  double jump_m = 0.1;
+  double jump_rad = 0.1;
+
+  /// Throws Error if a setting makes no sense.
+  void check() const {
+    const auto more_than_0 = [](const char* name, double found) {
+      if (!(found > 0))
+        throw Error(std::string("EgoMotionSettings.") + name + ": expected more than 0, found " +
+                    std::to_string(found));
+    };
+    more_than_0("max_step_m", max_step_m);
+    more_than_0("max_rotation_deg", max_rotation_deg);
+    more_than_0("jump_m", jump_m);
+    more_than_0("jump_rad", jump_rad);
+    if (!(max_doubt >= 0))
+      throw Error("EgoMotionSettings.max_doubt: expected at least 0, found " +
+                  std::to_string(max_doubt));
+  }
+};
+
+/// The camera's motion, and the one place that knows it: the images' own (CameraMotion), the host's
+/// prediction, and the pose that the host tracked in the end; gaps, cuts and jumps.
+///
+/// The images' own motion is taken where they show enough, else the host's prediction. The pose
+/// that the host tracked (correct()) is better and taken afterwards, unless it is a jump, or the
+/// images speak against it: a tracker that went with a person close by is not followed. What is not
+/// finite or no rigid motion is refused, and status() says so; it changes nothing.
+///
+/// Poses have an origin of their own. They hang together from frame to frame as long as each motion
+/// is known; where one is not, chain() changes. Not thread-safe; one object per camera.
+class EgoMotion {
+ public:
+  using Settings = EgoMotionSettings;
+
+  explicit EgoMotion(const Settings& settings = {}) : settings_(settings) { settings.check(); }
+
+  const Settings& settings() const { return settings_; }
+
+  /// Takes the next frame, and writes the camera's motion to it, if it is known, into the context.
+  /// `host` is the host's prediction: it maps points of the last frame's camera into this one's.
+  /// O(pixels) where it measures, else O(1).
+  void track(FrameContext& context, const std::optional<Eigen::Isometry3d>& host) {
+    status_ = kOk;
+    const double now_s = context.frame.timestamp;
+    if (now_s <= last_s_) {
+      reset();
+      status_ |= kTimestampOrder;
+    }
+    const double step_s = now_s - last_s_;
+    last_s_ = now_s;
+    predicted_.reset();
+    if (host) {
+      if (is_rigid(*host))
+        predicted_ = host;
+      else
+        status_ |= kPoseRefused;
+    }
+    if (predicted_ && is_cut(*predicted_)) {
+      cut();
+      predicted_.reset();
+    }
+    measure(context);
+    motion_ = measured_ ? std::optional<Eigen::Isometry3d>(measured_->T_current_last) : predicted_;
+    if (motion_ && is_cut(*motion_)) {
+      cut();
+      motion_.reset();
+    }
+    before_ = T_world_camera_;
+    step_s_ = step_s;
+    apply();
+    if (!corrected_) host_pose_.reset();
+    corrected_ = false;
+    context.T_current_last = motion_;
+  }
+
+  /// Tells the pose that the host tracked for the last frame, in the host's own world.
+  void correct(const Eigen::Isometry3d& T_world_camera) {
+    if (!is_rigid(T_world_camera)) {
+      status_ |= kPoseRefused;
+      return;
+    }
+    if (host_pose_) {
+      const Eigen::Isometry3d T_current_last = T_world_camera.inverse() * *host_pose_;
+      if (!is_jump(T_current_last) && trusts(T_current_last)) {
+        const bool first = !motion_;
+        motion_ = T_current_last;
+        if (first) --chain_;  // the gap is bridged
+        apply();
+      }
+    }
+    host_pose_ = T_world_camera;
+    corrected_ = true;
+  }
+
+  /// Tells what was taken for dynamic in the last frame, CV_8UC1 of its size.
+  void remember(const cv::Mat& dynamic) {
+    if (settings_.measure) camera_motion_.forget_dynamic(dynamic);
+  }
+
+  /// Maps points of the camera before the last frame into the last frame's; empty: not known.
+  const std::optional<Eigen::Isometry3d>& motion() const { return motion_; }
+  /// The images' own motion to the last frame, if there is one.
+  const std::optional<CameraMotion::Estimate>& measured() const { return measured_; }
+  /// The host's prediction for the last frame, if there is one that the images do not speak
+  /// against.
+  std::optional<Eigen::Isometry3d> trusted_prediction() const {
+    return predicted_ && trusts(*predicted_) ? predicted_ : std::nullopt;
+  }
+  CameraMotion& images() { return camera_motion_; }
+
+  /// Where the camera was at the last frame.
+  const Eigen::Isometry3d& pose() const { return T_world_camera_; }
+  /// Where it was, or will be, a moment from the last frame, at the velocity of its last motion.
+  Eigen::Isometry3d pose_at(double timestamp) const {
+    Eigen::Isometry3d ahead = Eigen::Isometry3d::Identity();
+    const double seconds = timestamp - last_s_;
+    if (seconds == 0 || !motion_) return T_world_camera_;
+    const Eigen::Vector3d rotation = angular_velocity() * seconds;
+    if (rotation.norm() > 0)
+      ahead.linear() = Eigen::AngleAxisd(rotation.norm(), rotation.normalized()).toRotationMatrix();
+    ahead.translation() = motion_->inverse().translation() * (seconds / step_s_);
+    return T_world_camera_ * ahead;
+  }
+  /// The camera's rotation per second about its own axes, rad/s; 0 where it is not known.
+  Eigen::Vector3d angular_velocity() const {
+    if (!motion_ || !(step_s_ > 0 && std::isfinite(step_s_))) return Eigen::Vector3d::Zero();
+    const Eigen::AngleAxisd rotated(motion_->linear().transpose());
+    return rotated.angle() / step_s_ * rotated.axis();
+  }
+  /// Its speed, m/s; 0 where it is not known.
+  double speed_m_s() const {
+    return motion_ && step_s_ > 0 && std::isfinite(step_s_)
+               ? motion_->translation().norm() / step_s_
+               : 0;
+  }
+  /// Poses hang together as long as this number is the same.
+  int chain() const { return chain_; }
+  /// kPoseRefused, kTimestampOrder or kOk, of the last frame.
+  std::uint32_t status() const { return status_; }
+
+  /// Forgets everything (a cut in the sequence).
+  void reset() {
+    cut();
+    camera_motion_.reset();
+    last_s_ = -std::numeric_limits<double>::infinity();
+  }
+
+ private:
+  static constexpr double kRigid = 1e-3;  // how far a rotation matrix may be off one
+
+  static bool is_rigid(const Eigen::Isometry3d& T) {
+    const Eigen::Matrix3d R = T.linear();
+    return T.matrix().allFinite() && R.determinant() > 0 &&
+           (R * R.transpose() - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff() < kRigid;
+  }
+
+  // Where its images show the same, a motion of the host's is as good as theirs or better.
+  bool trusts(const Eigen::Isometry3d& T_current_last) const {
+    return !measured_ ||
+           camera_motion_.support(T_current_last) > measured_->support - settings_.max_doubt;
+  }
+
+  bool is_cut(const Eigen::Isometry3d& T) const {
+    return !(T.translation().norm() < settings_.max_step_m &&
+             Eigen::AngleAxisd(T.linear()).angle() * 180 / CV_PI < settings_.max_rotation_deg);
+  }
+
+  bool is_jump(const Eigen::Isometry3d& T_current_last) const {
+    if (!motion_) return is_cut(T_current_last);
+    const Eigen::Isometry3d off = T_current_last * motion_->inverse();
+    return !(off.translation().norm() < settings_.jump_m &&
+             Eigen::AngleAxisd(off.linear()).angle() < settings_.jump_rad);
+  }
+
+  void measure(const FrameContext& context) {
+    measured_.reset();
+    if (!settings_.measure) return;
+    if (context.depth.empty()) return camera_motion_.reset();
+    const Eigen::Isometry3d guess = predicted_ ? *predicted_
+                                    : motion_  ? *motion_
+                                               : Eigen::Isometry3d::Identity();
+    measured_ = camera_motion_.add(context, guess);
+  }
+
+  void apply() {
+    if (!motion_) {
+      ++chain_;
+      return;
+    }
+    T_world_camera_ = before_ * motion_->inverse();
+    // Products of many rotations must stay a rotation.
+    T_world_camera_.linear() =
+        Eigen::Quaterniond(T_world_camera_.linear()).normalized().toRotationMatrix();
+  }
+
+  void cut() {
+    ++chain_;
+    motion_.reset();
+    host_pose_.reset();
+  }
+
+  Settings settings_;
+  CameraMotion camera_motion_;
+  std::optional<CameraMotion::Estimate> measured_;
+  std::optional<Eigen::Isometry3d> predicted_;  // by the host
+  std::optional<Eigen::Isometry3d> motion_;
+  std::optional<Eigen::Isometry3d> host_pose_;  // of the frame before, then of the last one
+  bool corrected_ = false;                      // the host has told the last frame's pose
+  Eigen::Isometry3d before_ = Eigen::Isometry3d::Identity();  // pose of the frame before the last
+  Eigen::Isometry3d T_world_camera_ = Eigen::Isometry3d::Identity();
+  double last_s_ = -std::numeric_limits<double>::infinity();
+  double step_s_ = 0;  // to the last frame from the one before
+  int chain_ = 0;
+  std::uint32_t status_ = kOk;
+};
+
+}  // namespace stillpoint

@@ -1,0 +1,281 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <limits>
+#include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
+#include <vector>
+
+#include "stillpoint/core/cell_labels.hpp"
+#include "stillpoint/core/config.hpp"
+#include "stillpoint/motion/depth_cells.hpp"
+#include "stillpoint/motion/far_holes.hpp"
+#include "stillpoint/sensor/sensor_model.hpp"
+
+namespace stillpoint {
+
+/// A depth image of the last seconds in cells, with its pose.
+struct DepthKeyView {
+  double timestamp = 0;
+  /// The depth camera's pose in the map.
+  Eigen::Isometry3d T_map_depth = Eigen::Isometry3d::Identity();
+  /// How far, in cells, its surfaces may lie beside where they are drawn.
+  Eigen::Vector2f lateral_cells = Eigen::Vector2f::Zero();
+  /// Depth of the static surface in each cell, metres; kNoSurface, or kHole beyond the range of the
+  /// sensor.
+  cv::Mat_<float> surface_m;
+  /// Up to which depth a cell and its eight neighbors are free, metres; 0: not known.
+  cv::Mat_<float> free_to_m;
+
+  static constexpr float kNoSurface = -1e9f, kHole = -2e9f;
+};
+
+/// The depth of the last 1.7 s in cells, with the poses of the depth camera, and the question
+/// whether a place was free or filled when it was seen.
+///
+/// Bounded in time and, at any rate of frames, in memory: 52 images of 80 x 60 cells, 2.5 MB.
+class FreeSpaceMap {
+ public:
+  explicit FreeSpaceMap(const SensorModel& sensor = {}) : sensor_(sensor) {}
+
+  bool empty() const { return count_ == 0; }
+  void clear() { count_ = 0, next_ = 0; }
+
+  /// Adds an image; `dynamic`: one byte per cell, not 0 = taken for dynamic in it. Of a camera
+  /// faster than 30 Hz not every image is kept. O(cells).
+  void add(double timestamp, const Eigen::Isometry3d& T_map_depth,
+           const Eigen::Vector2f& lateral_cells, const DepthCells& cells,
+           const std::vector<std::uint8_t>& dynamic) {
+    if (count_ > 0 && timestamp - views_[newest_].timestamp < kLeastStepS) return;
+    if (views_.size() < kCapacity) views_.resize(kCapacity);
+    DepthKeyView& view = views_[next_];
+    newest_ = next_;
+    next_ = (next_ + 1) % kCapacity;
+    count_ = std::min(count_ + 1, kCapacity);
+    view.timestamp = timestamp;
+    view.T_map_depth = T_map_depth;
+    view.lateral_cells = lateral_cells;
+    fill(timestamp, cells, dynamic, view);
+  }
+
+  /// Moves the newest image, once its pose is known better.
+  void set_newest_pose(const Eigen::Isometry3d& T_map_depth) {
+    if (count_ > 0) views_[newest_].T_map_depth = T_map_depth;
+  }
+
+  /// The images nearest to the given ages at a time, each once, none older than the memory.
+  template <std::size_t N>
+  void views_at(double timestamp, const std::array<double, N>& ages_s,
+                std::vector<const DepthKeyView*>& found) const {
+    found.clear();
+    for (const double age_s : ages_s) {
+      const DepthKeyView* best = nullptr;
+      for (std::size_t i = 0; i < count_; ++i) {
+        const DepthKeyView& view = views_[i];
+        if (timestamp - view.timestamp > kMemoryS) continue;
+        if (!best || std::abs(timestamp - view.timestamp - age_s) <
+                         std::abs(timestamp - best->timestamp - age_s))
+          best = &view;
+      }
+      if (best && (found.empty() || found.back() != best)) found.push_back(best);
+    }
+  }
+
+  /// Labels the cells of a new image by what images of several ages saw. `lateral_cells` is how far
+  /// its surfaces may lie beside where they are drawn. O(cells x 6).
+  void judge(double timestamp, const Eigen::Isometry3d& T_map_depth,
+             const Eigen::Vector2f& lateral_cells, const DepthCells& cells, CellLabels& labels) {
+    static constexpr std::array<double, 6> kAgesS = {1.6, 1.0, 0.6, 0.35, 0.2, 0.1};
+    labels.reset(cells.block_px, cells.width, cells.height);
+    views_at(timestamp, kAgesS, compared_);
+    score_.assign(cells.size(), 0);
+    settled_.assign(cells.size(), 0);
+    receding_.assign(cells.size(), Receding());
+    for (const DepthKeyView* view : compared_) {
+      const double age_s = timestamp - view->timestamp;
+      compare(*view, view->T_map_depth.inverse() * T_map_depth, view->lateral_cells + lateral_cells,
+              age_s > kRecedingFromS && age_s < kRecedingToS ? static_cast<float>(age_s) : 0,
+              cells);
+      if (age_s >= kSettledS)
+        for (std::size_t i = 0; i < cells.size(); ++i) settled_[i] = score_[i] < 0;
+    }
+    for (std::size_t i = 0; i < cells.size(); ++i)
+      labels[i] = score_[i] > 1 || receding_[i].certain() ? CellLabel::kMoved
+                  : score_[i] < 0                         ? CellLabel::kStatic
+                                                          : CellLabel::kUnknown;
+  }
+
+  /// Whether the surface of a cell of the last judge() was there 0.3 s before, too.
+  bool settled(std::size_t cell) const { return settled_[cell] != 0; }
+
+ private:
+  static constexpr double kMemoryS = 1.7, kLeastStepS = 0.0325, kSettledS = 0.3;
+  static constexpr std::size_t kCapacity = 52;  // kMemoryS / kLeastStepS
+  static constexpr float kBeyond = 1e9f;
+  static constexpr float kSurelyInRange = 0.8f;
+  // Sensors measure nothing close by either: so near, a hole does not tell what was there.
+  static constexpr float kSurelyMeasuredM = 1;
+  static constexpr float kFreeMarginM = 0.02f;
+  static constexpr double kRecedingFromS = 0.15, kRecedingToS = 0.7;
+  static constexpr float kSlowestMS = 0.2f, kFastestMS = 2, kSteady = 1.7f;
+
+  // Surfaces and free space of a new image. Nothing is known at the rim: it stands for all beyond.
+  void fill(double timestamp, const DepthCells& cells, const std::vector<std::uint8_t>& dynamic,
+            DepthKeyView& view) {
+    const cv::Mat_<float> depth(cells.height, cells.width,
+                                const_cast<float*>(cells.depth_m.data()));
+    // A place is free as far as all cells around saw through it.
+    cv::erode(depth, view.free_to_m, cv::Mat(), cv::Point(-1, -1), 1, cv::BORDER_CONSTANT, 0);
+    view.surface_m.create(depth.size());
+    const std::vector<std::uint8_t>& far = holes_.find(timestamp, cells, dynamic);
+    const float hole_free_to_m = kSurelyInRange * holes_.range_m();
+    for (int y = 0; y < cells.height; ++y)
+      for (int x = 0; x < cells.width; ++x) {
+        const std::size_t i = cells.index(x, y);
+        const bool rim = x == 0 || y == 0 || x + 1 == cells.width || y + 1 == cells.height;
+        float& surface = view.surface_m(y, x);
+        surface = !rim && depth(y, x) > 0 && !dynamic[i] ? depth(y, x) : DepthKeyView::kNoSurface;
+        if (rim) view.free_to_m(y, x) = 0;
+        if (far[i] != 0) surface = DepthKeyView::kHole, view.free_to_m(y, x) = hole_free_to_m;
+      }
+  }
+
+  // Who walks straight away is never where anything was seen free: he hides behind where he was.
+  // But the longer ago, the nearer his surface was, at one speed; what comes into view behind an
+  // edge was as far behind it at any time.
+  struct Receding {
+    float least_m_s = 1e9f, most_m_s = 0;
+    int count = 0;
+    void add(float surface_m, float z, float step, float age_s) {
+      const bool behind = surface_m > 0 && z < kBeyond && z - surface_m > step;
+      const float speed = behind ? (z - surface_m) / age_s : 1e9f;
+      least_m_s = std::min(least_m_s, speed), most_m_s = std::max(most_m_s, speed);
+      ++count;
+    }
+    bool certain() const {
+      return count >= 2 && least_m_s > kSlowestMS && most_m_s < kFastestMS &&
+             most_m_s < kSteady * least_m_s;
+    }
+  };
+
+  // A row of cells in an earlier image: the cell they fall on, the depth they have there (far
+  // beyond everything if they have none or lie too near), and the least step there.
+  struct Row {
+    std::vector<int> cell;
+    std::vector<float> z, least_step;
+  };
+  struct Projection {
+    Eigen::Matrix3f R;
+    Eigen::Vector3f t;
+    Lens::Coefficients lens;
+    float fx, fy, cx, cy;  // half a cell added: to be rounded down
+    int width, height;
+    float nearest, floor2, slope2, square2;  // of the sensor, squared and times the sigmas
+  };
+
+  // Choices between numbers only, which become vector instructions.
+  static void project(const Projection& p, const float* STILLPOINT_RESTRICT ray_x,
+                      const float* STILLPOINT_RESTRICT ray_y,
+                      const float* STILLPOINT_RESTRICT depth, std::size_t n,
+                      int* STILLPOINT_RESTRICT cell, float* STILLPOINT_RESTRICT z,
+                      float* STILLPOINT_RESTRICT least_step) {
+    const float r00 = p.R(0, 0), r01 = p.R(0, 1), r02 = p.R(0, 2), r10 = p.R(1, 0), r11 = p.R(1, 1),
+                r12 = p.R(1, 2), r20 = p.R(2, 0), r21 = p.R(2, 1), r22 = p.R(2, 2), tx = p.t.x(),
+                ty = p.t.y(), tz = p.t.z();
+    const Lens::Coefficients lens = p.lens;
+    const float fx = p.fx, fy = p.fy, cx = p.cx, cy = p.cy, nearest = p.nearest;
+    const float floor2 = p.floor2, slope2 = p.slope2, square2 = p.square2;
+    const float right = static_cast<float>(p.width) - 1, bottom = static_cast<float>(p.height) - 1;
+    const int width = p.width;
+    for (std::size_t i = 0; i < n; ++i) {
+      const float a = ray_x[i], b = ray_y[i], d = depth[i];
+      const float pz = (r20 * a + r21 * b + r22) * d + tz, inverse = 1 / pz;
+      const float x = ((r00 * a + r01 * b + r02) * d + tx) * inverse;
+      const float y = ((r10 * a + r11 * b + r12) * d + ty) * inverse;
+      const float xx = x * x, yy = y * y, xy = x * y, square = xx + yy;
+      const float r2 = square < lens.most_square ? square : lens.most_square;
+      const float radial = 1 + r2 * (lens.k1 + r2 * (lens.k2 + r2 * lens.k3));
+      const float u = fx * (x * radial + 2 * lens.p1 * xy + lens.p2 * (r2 + 2 * xx)) + cx;
+      const float v = fy * (y * radial + lens.p1 * (r2 + 2 * yy) + 2 * lens.p2 * xy) + cy;
+      const float from_left = u > 0 ? u : 0, from_top = v > 0 ? v : 0;  // 0 for NaN
+      const float column = from_left < right ? from_left : right;
+      const float row = from_top < bottom ? from_top : bottom;
+      cell[i] = static_cast<int>(row) * width + static_cast<int>(column);
+      const float measured = d > 0 ? pz : kBeyond;
+      z[i] = pz < nearest ? kBeyond : measured;
+      const float zz = pz * pz;
+      least_step[i] = std::sqrt(floor2 + zz * (slope2 + zz * square2));
+    }
+  }
+
+  // Seen free counts two, seen filled by the same surface counts minus one. `receding_s`: the age
+  // of the view, if it is one to look for receding surfaces in.
+  void compare(const DepthKeyView& view, const Eigen::Isometry3d& T_view_now,
+               const Eigen::Vector2f& lateral_cells, float receding_s, const DepthCells& cells) {
+    const float* free_to_m = free_space(view, lateral_cells).ptr<float>();
+    const float* surface_m = view.surface_m.ptr<float>();
+    const std::size_t n = static_cast<std::size_t>(cells.width);
+    row_.cell.resize(n), row_.z.resize(n), row_.least_step.resize(n);
+    const auto square = [&](double sigma) {
+      return static_cast<float>(sensor_.sigmas * sensor_.sigmas * sigma * sigma);
+    };
+    const Projection p{T_view_now.linear().cast<float>(),
+                       T_view_now.translation().cast<float>(),
+                       cells.distortion,
+                       cells.fx,
+                       cells.fy,
+                       cells.cx + 0.5f,
+                       cells.cy + 0.5f,
+                       cells.width,
+                       cells.height,
+                       static_cast<float>(sensor_.min_range_m),
+                       square(sensor_.depth_floor_m),
+                       square(sensor_.depth_slope),
+                       square(sensor_.depth_square)};
+    for (int y = 0; y < cells.height; ++y) {
+      const std::size_t first = cells.index(0, y);
+      project(p, &cells.ray_x[first], &cells.ray_y[first], &cells.depth_m[first], n,
+              row_.cell.data(), row_.z.data(), row_.least_step.data());
+      signed char* score = score_.data() + first;
+      for (std::size_t x = 0; x < n; ++x) {  // hard to foresee: no branch
+        const float surface = surface_m[row_.cell[x]], free_to = free_to_m[row_.cell[x]];
+        const float z = row_.z[x], step = row_.least_step[x];
+        const int sure = (surface > DepthKeyView::kHole) | (z > kSurelyMeasuredM);
+        const int free = (free_to > z + step + kFreeMarginM) & sure;
+        const int same = (score[x] <= 0) & (std::abs(surface - z) < step) & (1 - free);
+        score[x] = static_cast<signed char>(score[x] + 2 * free - same);
+        if (receding_s > 0) receding_[first + x].add(surface, z, step, receding_s);
+      }
+    }
+  }
+
+  // How far the cells of an image are free if they may lie beside where they are drawn.
+  const cv::Mat_<float>& free_space(const DepthKeyView& view, const Eigen::Vector2f& lateral) {
+    const int rx = static_cast<int>(lateral.x()), ry = static_cast<int>(lateral.y());
+    if (rx <= 0 && ry <= 0) return view.free_to_m;
+    const cv::Size window(2 * std::min(rx, view.free_to_m.cols) + 1,
+                          2 * std::min(ry, view.free_to_m.rows) + 1);
+    cv::erode(view.free_to_m, free_, cv::getStructuringElement(cv::MORPH_RECT, window),
+              cv::Point(-1, -1), 1, cv::BORDER_CONSTANT, 0);
+    return free_;
+  }
+
+  SensorModel sensor_;
+  std::vector<DepthKeyView> views_;
+  std::size_t count_ = 0, next_ = 0, newest_ = 0;
+  FarHoles holes_;
+  std::vector<const DepthKeyView*> compared_;
+  std::vector<signed char> score_;
+  std::vector<Receding> receding_;
+  std::vector<std::uint8_t> settled_;
+  cv::Mat_<float> free_;
+  Row row_;
+};
+
+}  // namespace stillpoint

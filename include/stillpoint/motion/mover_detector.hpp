@@ -1,0 +1,158 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <opencv2/core.hpp>
+#include <string>
+#include <vector>
+
+#include "stillpoint/core/cell_labels.hpp"
+#include "stillpoint/core/error.hpp"
+#include "stillpoint/core/instance.hpp"
+#include "stillpoint/core/mask_pool.hpp"
+#include "stillpoint/core/scratch.hpp"
+#include "stillpoint/motion/depth_cells.hpp"
+
+namespace stillpoint {
+
+/// Settings of MoverDetector.
+struct MoverDetectorSettings {
+  /// Least number of cells, and least area, that must have moved. 50 cells are enough however
+  /// close, and so however small.
+  int min_moved_cells = 6;
+  double min_moved_area_m2 = 0.02;
+  /// Least share of moved cells in the region grown from them.
+  double min_moved_share = 0.2;
+  /// How far the region grows from them over connected depth.
+  double growth_m = 0.35;
+  /// Greatest share of the region's border at which its surface goes on into what is not part of
+  /// it: a mover ends in steps of depth, a piece of a wall does not.
+  double max_open_share = 0.6;
+
+  /// Throws Error if a setting makes no sense.
+  void check() const {
+    const auto fail = [](const char* name, const char* expected, double found) {
+      throw Error(std::string("MoverDetectorSettings.") + name + ": expected " + expected +
+                  ", found " + std::to_string(found));
+    };
+    if (min_moved_cells < 1) fail("min_moved_cells", "at least 1", min_moved_cells);
+    if (!(min_moved_area_m2 >= 0)) fail("min_moved_area_m2", "at least 0", min_moved_area_m2);
+    if (!(min_moved_share >= 0 && min_moved_share <= 1))
+      fail("min_moved_share", "0 to 1", min_moved_share);
+    if (!(growth_m >= 0)) fail("growth_m", "at least 0", growth_m);
+    if (!(max_open_share >= 0 && max_open_share <= 1))
+      fail("max_open_share", "0 to 1", max_open_share);
+  }
+};
+
+/// From cells that have moved to objects: moved cells that hang together grow over connected depth,
+/// never into static cells, and become instances without a class. O(cells).
+class MoverDetector {
+ public:
+  using Settings = MoverDetectorSettings;
+
+  explicit MoverDetector(const Settings& settings = {}) : settings_(settings) { settings.check(); }
+
+  const Settings& settings() const { return settings_; }
+
+  /// Finds the movers of a frame. The reference stays valid until the next call; masks that are
+  /// copied out of it stay as they are.
+  const std::vector<Instance>& find(const DepthCells& cells, const CellLabels& labels) {
+    clear();
+    taken_.assign(cells.size(), 0);
+    for (int y = 0; y < cells.height; ++y)
+      for (int x = 0; x < cells.width; ++x) {
+        const std::size_t i = cells.index(x, y);
+        if (labels[i] != CellLabel::kMoved || taken_[i] != 0) continue;
+        const Region region = grow(cells, labels, x, y);
+        if (is_mover(region)) add_instance(cells.block_px, region.box);
+      }
+    return found_;
+  }
+
+  /// What the last find() returned.
+  const std::vector<Instance>& found() const { return found_; }
+  /// Nothing is found.
+  void clear() { found_.clear(); }
+
+ private:
+  static constexpr int kManyCells = 50;
+  static constexpr float kStepM = 0.03f, kStepShare = 0.025f;  // between neighboring cells
+
+  struct Visit {
+    int x, y, distance;
+  };
+  struct Region {
+    cv::Rect box;
+    int moved = 0;
+    double moved_m2 = 0;
+    int open = 0, closed = 0;  // sides of cells at its border
+  };
+
+  // The region of a moved cell; its cells are in queue_.
+  Region grow(const DepthCells& cells, const CellLabels& labels, int x0, int y0) {
+    Region region;
+    region.box = cv::Rect(x0, y0, 1, 1);
+    queue_.assign(1, {x0, y0, 0});
+    taken_[cells.index(x0, y0)] = 1;
+    for (std::size_t k = 0; k < queue_.size(); ++k) {
+      const Visit visit = queue_[k];
+      const std::size_t i = cells.index(visit.x, visit.y);
+      const float z = cells.depth_m[i];
+      if (labels[i] == CellLabel::kMoved) {
+        ++region.moved;
+        region.moved_m2 += static_cast<double>(z) * z / (cells.fx * cells.fy);
+      }
+      region.box |= cv::Rect(visit.x, visit.y, 1, 1);
+      const int reach = static_cast<int>(settings_.growth_m * cells.fx / z);
+      static constexpr int kNext[4][2] = {{-1, 0}, {1, 0}, {0, -1}, {0, 1}};
+      for (const auto& next : kNext) {
+        const int x = visit.x + next[0], y = visit.y + next[1];
+        if (x < 0 || y < 0 || x >= cells.width || y >= cells.height) continue;
+        const std::size_t j = cells.index(x, y);
+        if (taken_[j] != 0) continue;
+        const float step = cells.depth_m[j] > 0 ? cells.depth_m[j] - z : 1;
+        if (step > kStepM + kStepShare * z) ++region.closed;
+        if (std::abs(step) > kStepM + kStepShare * z) continue;
+        const int distance = labels[j] == CellLabel::kMoved ? 0 : visit.distance + 1;
+        if (labels[j] == CellLabel::kStatic || distance > reach) {
+          ++region.open;
+          continue;
+        }
+        taken_[j] = 1;
+        queue_.push_back({x, y, distance});
+      }
+    }
+    return region;
+  }
+
+  bool is_mover(const Region& region) const {
+    return region.moved >= settings_.min_moved_cells &&
+           (region.moved_m2 >= settings_.min_moved_area_m2 || region.moved >= kManyCells) &&
+           region.moved >= settings_.min_moved_share * static_cast<double>(queue_.size()) &&
+           region.open <= settings_.max_open_share * (region.open + region.closed);
+  }
+
+  void add_instance(int block_px, const cv::Rect& box) {
+    const int b = block_px;
+    found_.emplace_back();
+    Instance& instance = found_.back();
+    instance.class_name.clear();
+    instance.box = cv::Rect(box.x * b, box.y * b, box.width * b, box.height * b);
+    instance.mask = masks_.take(instance.box.size());
+    instance.mask.setTo(0);
+    for (const Visit& v : queue_)
+      instance.mask(cv::Rect((v.x - box.x) * b, (v.y - box.y) * b, b, b)).setTo(255);
+  }
+
+  Settings settings_;
+  std::vector<std::uint8_t> taken_;
+  std::vector<Visit> queue_;
+  std::vector<Instance> found_;
+  detail::MaskPool masks_;
+};
+
+}  // namespace stillpoint

@@ -1,0 +1,248 @@
+// SPDX-License-Identifier: BSD-2-Clause
+// What real cameras do to the front end: lenses, rates, dropouts, delays, hosts that err.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <type_traits>
+#include <utility>
+#include <vector>
+
+#include "../flat_scene.hpp"
+#include "room_camera.hpp"
+#include "stillpoint/front_end.hpp"
+
+namespace {
+
+using namespace stillpoint;
+
+Camera camera_of(int width, double focal_share = 0.82) {
+  Camera camera;
+  camera.width = width, camera.height = width * 3 / 4;
+  camera.fx = camera.fy = focal_share * width;
+  camera.cx = 0.5 * (camera.width - 1), camera.cy = 0.5 * (camera.height - 1);
+  return camera;
+}
+
+Eigen::Isometry3d turned(double deg, double x = 0) {
+  Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+  T.linear() = Eigen::AngleAxisd(deg * CV_PI / 180, Eigen::Vector3d::UnitY()).toRotationMatrix();
+  T.translation() = Eigen::Vector3d(x, 0, -1.5);
+  return T;
+}
+
+// Looks to and fro, up to 1.5 degrees from frame to frame.
+double yaw_deg(int i) { return 15 * std::sin(0.1 * i); }
+
+const Segmentation kNothing;
+
+TEST(Cameras, NothingMovesBehindADistortingLens) {
+  for (const double focal : {330.0, 380.0}) {
+    Camera camera = camera_of(640);
+    camera.fx = camera.fy = focal;
+    camera.k1 = -0.28, camera.k2 = 0.08;
+    const RoomCamera room(camera);
+    for (const bool exact_poses : {true, false}) {
+      SCOPED_TRACE(testing::Message() << focal << (exact_poses ? ", exact poses" : ", no poses"));
+      FrontEnd front_end(FrontEndSettings::with_motion(), camera);
+      double sum = 0;
+      const int frames = 50;
+      for (int i = 0; i < frames; ++i) {
+        const Eigen::Isometry3d pose = turned(yaw_deg(i), 0.1 * std::sin(0.05 * i));
+        std::optional<Eigen::Isometry3d> motion;
+        if (exact_poses && i > 0)
+          motion = pose.inverse() * turned(yaw_deg(i - 1), 0.1 * std::sin(0.05 * (i - 1)));
+        front_end.compute_mask(room.frame(i / 30.0, pose), kNothing, motion);
+        if (exact_poses) front_end.correct_pose(pose);
+        sum += front_end.stats().mask_share;
+      }
+      EXPECT_LE(sum / frames, 0.01);
+    }
+  }
+}
+
+TEST(Cameras, AFrameWithoutDepthInATurnDoesNoHarm) {
+  const Camera camera = camera_of(320);
+  const RoomCamera room(camera);
+  for (const bool predicts : {true, false}) {
+    SCOPED_TRACE(predicts);
+    FrontEnd front_end(FrontEndSettings::with_motion(), camera);
+    for (int i = 0; i < 40; ++i) {
+      const Eigen::Isometry3d pose = turned(-40 + 2 * i);  // 60 deg/s
+      std::optional<Eigen::Isometry3d> motion;
+      if (predicts && i > 0) motion = pose.inverse() * turned(-40 + 2 * (i - 1));
+      RgbdFrame frame = room.frame(i / 30.0, pose);
+      if (i == 20) frame.depth = cv::Mat();
+      front_end.compute_mask(frame, kNothing, motion);
+      EXPECT_EQ(front_end.stats().mask_share, 0) << i;
+      if (predicts && i > 0) {
+        ASSERT_TRUE(front_end.ego_motion().motion().has_value());
+        EXPECT_NEAR(Eigen::AngleAxisd(front_end.ego_motion().motion()->linear()).angle(),
+                    2 * CV_PI / 180, 0.003)
+            << i;
+      }
+      front_end.correct_pose(pose);
+    }
+  }
+}
+
+TEST(Cameras, WithoutDepthTheHostsMotionIsUsed) {
+  const FlatScene scene;
+  FrontEnd front_end(FrontEndSettings::with_motion(), scene.camera());
+  const Eigen::Isometry3d motion = turned(1).inverse() * turned(0);
+  for (int i = 0; i < 3; ++i) {
+    RgbdFrame frame = scene.frame(i / 30.0, {});
+    frame.depth = cv::Mat();
+    front_end.compute_mask(frame, kNothing, motion);
+    ASSERT_TRUE(front_end.ego_motion().motion().has_value());
+    EXPECT_TRUE(front_end.ego_motion().motion()->isApprox(motion));
+  }
+  // 4.6 px in the middle of the image and more at its sides, exposed for half of the time.
+  EXPECT_NEAR(front_end.stats().blur.motion_px, 2.5, 0.2);
+}
+
+TEST(Cameras, FindASlowBoardAtAnyRate) {
+  const Camera camera = camera_of(240);
+  for (const double speed_m_s : {0.05, 0.1})
+    for (const double hz : {10.0, 30.0, 60.0, 90.0}) {
+      SCOPED_TRACE(testing::Message() << speed_m_s << " m/s at " << hz << " Hz");
+      RoomCamera room(camera);
+      FrontEnd front_end(FrontEndSettings::with_motion(), camera);
+      const int frames = static_cast<int>(2.4 * hz);
+      int found = 0;
+      for (int i = 0; i < frames; ++i) {
+        // It comes nearer from 1.1 m.
+        room.board_m = Eigen::Vector3f(0, 0, static_cast<float>(-0.4 - speed_m_s * i / hz));
+        front_end.compute_mask(room.frame(i / hz, turned(0)), kNothing,
+                               Eigen::Isometry3d::Identity());
+        if (i > 1.8 * hz) found += front_end.stats().mask_share > 0.05;
+      }
+      EXPECT_GT(found, 0.9 * (frames - 1.8 * hz - 1));
+    }
+}
+
+TEST(Cameras, APoseThatIsNotFiniteIsRefusedAndForgotten) {
+  const Camera camera = camera_of(320);
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  Eigen::Isometry3d broken = Eigen::Isometry3d::Identity();
+  broken.translation().x() = nan;
+  for (const bool as_correction : {false, true}) {
+    RoomCamera room(camera);
+    FrontEnd front_end(FrontEndSettings::with_motion(), camera);
+    int found = 0;
+    for (int i = 0; i < 49; ++i) {
+      room.board_m = Eigen::Vector3f(-0.6f + 0.025f * static_cast<float>(i), 0, 0);
+      const bool bad = i == 10;
+      front_end.compute_mask(room.frame(i / 30.0, turned(0)), kNothing,
+                             bad && !as_correction ? broken : Eigen::Isometry3d::Identity());
+      front_end.correct_pose(bad && as_correction ? broken : turned(0));
+      EXPECT_EQ((front_end.stats().status & kPoseRefused) != 0, bad) << i;
+      if (i > 20) found += front_end.stats().moving > 0;
+    }
+    EXPECT_GE(found, 27);
+  }
+}
+
+TEST(Cameras, NeverWriteIntoTheCallersImage) {
+  FlatScene gray_scene, color_scene;
+  gray_scene.size = color_scene.size = {200, 150};  // so small that nothing is shrunk
+  gray_scene.color_channels = 1;
+  for (const FrontEndSettings& settings : {FrontEndSettings(), FrontEndSettings::with_motion()}) {
+    FrontEnd front_end(settings, gray_scene.camera());
+    const RgbdFrame gray = gray_scene.frame(0, {{{40, 20, 60, 100}, 2, 3}});
+    const cv::Mat before = gray.color.clone();
+    front_end.compute_mask(gray, kNothing);
+    for (int i = 1; i < 5; ++i)
+      front_end.compute_mask(color_scene.frame(0.033 * i, {{{60, 20, 60, 100}, 2, 9}}), kNothing);
+    EXPECT_TRUE(identical(gray.color, before));
+  }
+}
+
+TEST(Cameras, AFrontEndMovesButIsNotCopied) {
+  static_assert(!std::is_copy_constructible<FrontEnd>::value, "two would share one mask");
+  static_assert(!std::is_copy_assignable<FrontEnd>::value, "two would share one mask");
+  const FlatScene scene;
+  const Figure person{{100, 60, 60, 140}, 2, 1};
+  std::vector<FrontEnd> cameras;
+  std::vector<Instance> first;
+  for (int k = 0; k < 9; ++k) {
+    cameras.emplace_back(FrontEndSettings(), scene.camera());
+    cameras.back().compute_mask(scene.frame(1, {person}),
+                                result({box_instance(person.box, scene.size)}));
+    if (k == 0) first = cameras[0].instances();
+  }
+  for (const FrontEnd& front_end : cameras) {
+    ASSERT_EQ(front_end.instances().size(), 1u);
+    EXPECT_TRUE(identical(front_end.instances()[0].mask, first[0].mask));
+  }
+  FrontEnd moved = std::move(cameras[4]);
+  moved.compute_mask(scene.frame(1.03, {person}), Segmentation());
+  EXPECT_EQ(moved.stats().restored, 1);
+}
+
+TEST(Cameras, ResultsAreTheCallers) {
+  const FlatScene scene;
+  const auto person = [](int i) { return Figure{{60 + 8 * i, 60, 60, 140}, 2, 1}; };
+  const auto show = [&](FrontEnd& front_end, int i) -> const DynamicMask& {
+    return front_end.compute_mask(scene.frame(1 + i / 30.0, {person(i)}),
+                                  result({box_instance(person(i).box, scene.size)}));
+  };
+  FrontEnd front_end({}, scene.camera()), other({}, scene.camera());
+  const DynamicMask kept = show(front_end, 0);
+  const std::vector<Instance> instances = front_end.instances();
+  const cv::Mat mask_then = kept.image.clone(), instance_then = instances[0].mask.clone();
+  show(other, 0);
+  for (int i = 1; i < 6; ++i) {
+    // He draws into what he was given.
+    cv::Mat drawn = show(front_end, i).image;
+    drawn.setTo(255);
+    for (const Instance& s : front_end.instances()) cv::Mat(s.mask).setTo(77);
+    if (i < 5) {
+      show(other, i);
+      drawn.release();
+      continue;
+    }
+  }
+  EXPECT_TRUE(identical(kept.image, mask_then));
+  EXPECT_TRUE(identical(instances[0].mask, instance_then));
+  EXPECT_TRUE(identical(show(front_end, 6).image, (show(other, 5), show(other, 6)).image));
+}
+
+TEST(Cameras, SettingsInPixelsHoldForAnyWidth) {
+  for (const int width : {160, 320, 640, 1280}) {
+    FlatScene scene;
+    scene.size = {width, width * 3 / 4};
+    const double scale = width / 640.0;
+    const cv::Rect box(cv::Point(cvRound(200 * scale), cvRound(100 * scale)),
+                       cv::Size(cvRound(120 * scale), cvRound(280 * scale)));
+    FrontEnd front_end({}, scene.camera());
+    const cv::Mat mask =
+        front_end
+            .compute_mask(scene.frame(1, {{box, 2, 1}}), result({box_instance(box, scene.size)}))
+            .image;
+    const cv::Rect grown = mask_bounds(mask);
+    EXPECT_NEAR(grown.width / scale, 140, 1.5 / scale) << width;
+  }
+}
+
+TEST(Cameras, WithoutCompensationTheStatusSaysTheSame) {
+  FrontEndSettings settings;
+  settings.use_compensation = false;
+  const FlatScene scene;
+  FrontEnd front_end(settings, scene.camera());
+  front_end.compute_mask(scene.frame(1, {}), kNothing);
+  EXPECT_TRUE(front_end.stats().status & kNeverSegmented);
+  EXPECT_TRUE(std::isinf(front_end.mask().age_s));
+  front_end.compute_mask(scene.frame(1.1, {}), result({}));
+  EXPECT_FALSE(front_end.stats().status & (kNeverSegmented | kNoSegmentation));
+  EXPECT_EQ(front_end.mask().age_s, 0);
+  front_end.compute_mask(scene.frame(1.2, {}), kNothing);
+  EXPECT_TRUE(front_end.stats().status & kNoSegmentation);
+  EXPECT_NEAR(front_end.mask().age_s, 0.1, 1e-9);
+  front_end.compute_mask(scene.frame(1.15, {}), kNothing);
+  EXPECT_TRUE(front_end.stats().status & kTimestampOrder);
+  EXPECT_TRUE(front_end.stats().status & kNeverSegmented) << "history was forgotten";
+}
+
+}  // namespace

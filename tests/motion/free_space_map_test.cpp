@@ -1,0 +1,258 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "stillpoint/motion/free_space_map.hpp"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Geometry>
+#include <cstdint>
+#include <opencv2/core.hpp>
+#include <vector>
+
+namespace {
+
+using stillpoint::CellLabel;
+using stillpoint::CellLabels;
+using stillpoint::DepthCells;
+using stillpoint::FreeSpaceMap;
+
+// 40 x 30 cells that see a wall across the view, `depth_m` away.
+DepthCells wall(float depth_m) {
+  DepthCells frame;
+  frame.width = 40, frame.height = 30;
+  frame.fx = frame.fy = 32;
+  frame.cx = 19.5f, frame.cy = 14.5f;
+  frame.depth_m.assign(frame.size(), depth_m);
+  for (int y = 0; y < frame.height; ++y)
+    for (int x = 0; x < frame.width; ++x) {
+      frame.ray_x.push_back((static_cast<float>(x) - frame.cx) / frame.fx);
+      frame.ray_y.push_back((static_cast<float>(y) - frame.cy) / frame.fy);
+    }
+  return frame;
+}
+
+const Eigen::Vector2f kExact = Eigen::Vector2f::Zero();
+
+Eigen::Isometry3d forward(double metres) {
+  Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+  T.translation().z() = metres;
+  return T;
+}
+
+Eigen::Isometry3d turned(double degrees, const Eigen::Vector3d& axis) {
+  Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+  T.linear() = Eigen::AngleAxisd(degrees / 180 * 3.14159265, axis).toRotationMatrix();
+  return T;
+}
+
+// Remembers a wall 4 m away; the cells with `dynamic` are somebody's.
+class FreeSpace : public testing::Test {
+ protected:
+  void remember(const std::vector<std::uint8_t>& dynamic) {
+    map_.add(0, Eigen::Isometry3d::Identity(), kExact, wall(4), dynamic);
+  }
+  void remember() { remember(std::vector<std::uint8_t>(wall(4).size(), 0)); }
+
+  CellLabels judge(const Eigen::Isometry3d& T_world_camera, const DepthCells& frame) {
+    CellLabels evidence;
+    map_.judge(0.1, T_world_camera, kExact, frame, evidence);
+    EXPECT_EQ(evidence.size(), frame.size());
+    return evidence;
+  }
+
+  // Checks every cell but those at the rim, of which nothing is known.
+  template <class Expected>
+  static void expect(const CellLabels& evidence, const DepthCells& frame, Expected&& expected) {
+    for (int y = 0; y < frame.height; ++y)
+      for (int x = 0; x < frame.width; ++x) {
+        const bool rim = x == 0 || y == 0 || x == frame.width - 1 || y == frame.height - 1;
+        EXPECT_EQ(static_cast<int>(evidence[frame.index(x, y)]),
+                  static_cast<int>(rim ? CellLabel::kUnknown : expected(x, y)))
+            << "cell " << x << ", " << y;
+      }
+  }
+
+  FreeSpaceMap map_;
+};
+
+TEST_F(FreeSpace, TellsWhatStoodThereFromWhatCame) {
+  remember();
+  DepthCells frame = wall(4);
+  for (int y = 8; y < 20; ++y)
+    for (int x = 5; x < 11; ++x) frame.depth_m[frame.index(x, y)] = 2;  // somebody
+  frame.depth_m[frame.index(30, 10)] = 0;                               // not measured
+  frame.depth_m[frame.index(31, 10)] = 6;                               // the wall is gone
+  expect(judge(forward(0), frame), frame, [](int x, int y) {
+    if (x >= 5 && x < 11 && y >= 8 && y < 20) return CellLabel::kMoved;
+    return y == 10 && (x == 30 || x == 31) ? CellLabel::kUnknown : CellLabel::kStatic;
+  });
+}
+
+TEST_F(FreeSpace, KnowsThePlaceWhereverTheCameraGoes) {
+  remember();
+  const CellLabels nearer = judge(forward(1), wall(3));
+  for (std::size_t i = 0; i < nearer.size(); ++i) EXPECT_EQ(nearer[i], CellLabel::kStatic);
+  // From 1 m behind, the outer cells see what was not in view: u = cx + (x - cx) * 5 / 4.
+  const DepthCells frame = wall(5);
+  expect(judge(forward(-1), frame), frame, [](int x, int y) {
+    return x >= 5 && x <= 34 && y >= 4 && y <= 25 ? CellLabel::kStatic : CellLabel::kUnknown;
+  });
+}
+
+TEST_F(FreeSpace, SaysNothingOfWhatWasNotInView) {
+  remember();
+  for (const Eigen::Vector3d axis : {Eigen::Vector3d::UnitX(), Eigen::Vector3d::UnitY()})
+    for (const double degrees : {70.0, -70.0, 180.0, 90.0}) {
+      const DepthCells frame = wall(2);
+      expect(judge(turned(degrees, axis), frame), frame,
+             [](int, int) { return CellLabel::kUnknown; });
+    }
+  // A place right at the camera of before, and one a little behind it.
+  for (const float z : {1.0f, 0.9f, 1.2f}) {
+    const DepthCells frame = wall(z);
+    expect(judge(forward(-1), frame), frame, [](int, int) { return CellLabel::kUnknown; });
+  }
+}
+
+TEST_F(FreeSpace, DoesNotTakeForStaticWhatWasDynamic) {
+  const DepthCells frame = wall(4);
+  std::vector<std::uint8_t> dynamic(frame.size(), 0);
+  for (int y = 0; y < frame.height; ++y)
+    for (int x = 0; x < 20; ++x) dynamic[frame.index(x, y)] = 1;
+  remember(dynamic);
+  expect(judge(forward(0), frame), frame,
+         [](int x, int) { return x < 20 ? CellLabel::kUnknown : CellLabel::kStatic; });
+}
+
+TEST_F(FreeSpace, MovesTheNewestFrameAndForgetsAll) {
+  remember();
+  map_.set_newest_pose(forward(0.5));
+  const CellLabels moved = judge(forward(0.5), wall(5));
+  for (std::size_t i = 0; i < moved.size(); ++i) EXPECT_EQ(moved[i], CellLabel::kUnknown);
+  const DepthCells frame = wall(4);
+  expect(judge(forward(0.5), frame), frame, [](int, int) { return CellLabel::kStatic; });
+  map_.clear();
+  EXPECT_TRUE(map_.empty());
+  const CellLabels forgotten = judge(forward(0), wall(4));
+  for (std::size_t i = 0; i < forgotten.size(); ++i) EXPECT_EQ(forgotten[i], CellLabel::kUnknown);
+}
+
+// A frame that sees a surface `depth_m` away and nothing at all in the cells of `hole`.
+DepthCells with_hole(float depth_m, const cv::Rect& hole) {
+  DepthCells frame = wall(depth_m);
+  for (int y = hole.y; y < hole.y + hole.height; ++y)
+    for (int x = hole.x; x < hole.x + hole.width; ++x) frame.depth_m[frame.index(x, y)] = -1;
+  return frame;
+}
+
+class Holes : public FreeSpace {
+ protected:
+  // What is said of the hole's middle, after a wall at the end of the range and then `earlier` were
+  // seen, when something stands there `depth_m` away.
+  CellLabel after(const DepthCells& earlier, float depth_m,
+                  const std::vector<std::uint8_t>& dynamic) {
+    map_.add(-2, Eigen::Isometry3d::Identity(), kExact, wall(4),
+             std::vector<std::uint8_t>(1200, 1));
+    map_.clear();  // the range stays known
+    map_.add(0, Eigen::Isometry3d::Identity(), kExact, earlier, dynamic);
+    DepthCells now = earlier;
+    now.depth_m[now.index(20, 15)] = depth_m;
+    return judge(forward(0), now)[now.index(20, 15)];
+  }
+  CellLabel after(const DepthCells& earlier, float depth_m) {
+    return after(earlier, depth_m, std::vector<std::uint8_t>(earlier.size(), 0));
+  }
+
+  const cv::Rect large_{12, 8, 16, 14}, small_{17, 12, 7, 7};
+};
+
+TEST_F(Holes, AtTheEndOfTheRangeAreFreeSpace) {
+  EXPECT_EQ(after(with_hole(3.8f, large_), 2), CellLabel::kMoved);
+  // Too near for the sensor, or as far as it hardly reaches: it may have stood there.
+  EXPECT_EQ(after(with_hole(3.8f, large_), 0.9f), CellLabel::kUnknown);
+  EXPECT_EQ(after(with_hole(3.8f, large_), 3.3f), CellLabel::kUnknown);
+}
+
+TEST_F(Holes, AmidNearSurfacesOrSmallSayNothing) {
+  EXPECT_EQ(after(with_hole(2.5f, large_), 2), CellLabel::kUnknown);
+  EXPECT_EQ(after(with_hole(3.8f, small_), 2), CellLabel::kUnknown);
+}
+
+TEST_F(Holes, AreNotBorderedByPeople) {
+  // Somebody stands before most of the border; the rest of it is far away.
+  DepthCells frame = with_hole(3.8f, large_);
+  std::vector<std::uint8_t> dynamic(frame.size(), 0);
+  for (int y = 0; y < 30; ++y)
+    for (int x = 0; x < 40; ++x)
+      if (frame.depth_m[frame.index(x, y)] > 0 && x < 27) frame.depth_m[frame.index(x, y)] = 1.5f;
+  EXPECT_EQ(after(frame, 2), CellLabel::kUnknown);
+  for (std::size_t i = 0; i < frame.size(); ++i) dynamic[i] = frame.depth_m[i] == 1.5f;
+  EXPECT_EQ(after(frame, 2, dynamic), CellLabel::kMoved);
+}
+
+TEST_F(Holes, TellFreeSpaceAgainSomeSecondsAfterANoisyPatch) {
+  // A patch at 9 m in a room of 4 m, once: then the wall is no longer at the end of the range.
+  DepthCells noisy = wall(4);
+  for (int y = 10; y < 14; ++y)
+    for (int x = 10; x < 14; ++x) noisy.depth_m[noisy.index(x, y)] = 9;
+  const std::vector<std::uint8_t> none(noisy.size(), 0);
+  map_.add(-20, Eigen::Isometry3d::Identity(), kExact, noisy, none);
+  for (double t = -19.9; t < -2.5; t += 0.1)
+    map_.add(t, Eigen::Isometry3d::Identity(), kExact, wall(4), none);
+  EXPECT_EQ(after(with_hole(3.8f, large_), 2), CellLabel::kMoved);
+}
+
+TEST_F(FreeSpace, SaysNothingBesideASurfaceThatMayLieAside) {
+  // A pillar at 2 m in cells 20 to 24; now it is seen three cells further right.
+  DepthCells before = wall(4), now = wall(4);
+  for (int y = 0; y < 30; ++y)
+    for (int x = 20; x < 25; ++x)
+      before.depth_m[before.index(x, y)] = 2, now.depth_m[now.index(x + 3, y)] = 2;
+  const std::vector<std::uint8_t> none(before.size(), 0);
+  for (const float sideways : {0.0f, 4.0f}) {
+    map_.clear();
+    map_.add(0, Eigen::Isometry3d::Identity(), {sideways / 2, 0}, before, none);
+    CellLabels labels;
+    map_.judge(0.1, Eigen::Isometry3d::Identity(), {sideways / 2, 0}, now, labels);
+    EXPECT_EQ(labels[now.index(27, 15)], sideways > 0 ? CellLabel::kUnknown : CellLabel::kMoved);
+  }
+}
+
+TEST_F(FreeSpace, FindsWhoGoesStraightAwayButNotWhatComesIntoView) {
+  const std::vector<std::uint8_t> none(wall(4).size(), 0);
+  const auto person = [](float z) {
+    DepthCells frame = wall(4);
+    for (int y = 8; y < 20; ++y)
+      for (int x = 10; x < 20; ++x) frame.depth_m[frame.index(x, y)] = z;
+    return frame;
+  };
+  for (int i = 0; i < 20; ++i)
+    map_.add(0.05 * i, Eigen::Isometry3d::Identity(), kExact,
+             person(1.5f + 0.04f * static_cast<float>(i)), none);
+  CellLabels labels;
+  map_.judge(1, Eigen::Isometry3d::Identity(), kExact, person(2.3f), labels);
+  EXPECT_EQ(labels[wall(4).index(15, 14)], CellLabel::kMoved);
+  // What he hid is in view again: it was as far behind him at any time.
+  map_.clear();
+  for (int i = 0; i < 20; ++i)
+    map_.add(0.05 * i, Eigen::Isometry3d::Identity(), kExact, person(2), none);
+  map_.judge(1, Eigen::Isometry3d::Identity(), kExact, person(2.4f), labels);
+  EXPECT_EQ(labels[wall(4).index(15, 14)], CellLabel::kUnknown);
+}
+
+TEST_F(FreeSpace, RemembersSecondsNotFrames) {
+  const std::vector<std::uint8_t> none(wall(4).size(), 0);
+  for (const double hz : {10.0, 30.0, 60.0, 90.0}) {
+    SCOPED_TRACE(hz);
+    map_.clear();
+    for (int i = 0; i < static_cast<int>(1.5 * hz); ++i)
+      map_.add(i / hz, Eigen::Isometry3d::Identity(), kExact, i < 0.2 * hz ? wall(4) : wall(2),
+               std::vector<std::uint8_t>(none.size(), i < 0.2 * hz ? 0 : 1));
+    CellLabels labels;
+    map_.judge(1.5, Eigen::Isometry3d::Identity(), kExact, wall(2), labels);
+    EXPECT_EQ(labels[wall(4).index(15, 14)], CellLabel::kMoved) << "1.4 s ago it was free";
+    map_.judge(3.5, Eigen::Isometry3d::Identity(), kExact, wall(2), labels);
+    EXPECT_EQ(labels[wall(4).index(15, 14)], CellLabel::kUnknown) << "too long ago";
+  }
+}
+
+}  // namespace
