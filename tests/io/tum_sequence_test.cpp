@@ -134,8 +134,22 @@ TEST(TumSequence, SaysWhatIsWrongWithTheFolder) {
   EXPECT_ERROR(with_list("-1.0 rgb/1.000000.png\n"), "line 1", "not negative");
   EXPECT_ERROR(with_list("2.0 rgb/2.000000.jpg\n1.0 rgb/1.000000.png\n"), "line 2", "of line 1",
                "out of order");
-  EXPECT_ERROR(with_list("1.0 rgb/1.000000.png\n1.0 rgb/1.000000.png\n"), "line 2", "again");
+  EXPECT_ERROR(with_list("1.0 rgb/1.000000.png\n1.0 rgb/2.000000.jpg\n"), "line 2", "again");
   EXPECT_ERROR(with_list("7.0 rgb/1.000000.png\n"), "0.02", "no such pair");
+}
+
+TEST(TumSequence, ReadsARepeatedLineOnce) {
+  SmallSequence folder;
+  const TumSequence before(folder.path());
+  const std::string lines = read_file(folder / "depth.txt", "list");
+  std::string twice;
+  for (const detail::TextLine& line : detail::text_lines(lines))
+    twice += line.text + "\n" + line.text + "\n";
+  folder.write("depth.txt", twice);
+  const TumSequence sequence(folder.path());
+  ASSERT_EQ(sequence.size(), before.size());
+  for (std::size_t i = 0; i < sequence.size(); ++i)
+    EXPECT_EQ(sequence.entry(i).depth_path, before.entry(i).depth_path);
 }
 
 TEST(TumSequence, SaysWhichPictureIsBad) {

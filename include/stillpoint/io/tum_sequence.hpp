@@ -27,8 +27,9 @@ struct ListedFile {
 };
 
 /// Reads rgb.txt or depth.txt: lines of `timestamp filename`, `#` begins a comment line. Throws
-/// Error naming the line: no file name, NaN or negative timestamp, timestamps out of order or
-/// repeated. O(bytes).
+/// Error naming the line: no file name, NaN or negative timestamp, timestamps out of order, or one
+/// timestamp of two files. A line that says the same as the one before adds nothing: exporters
+/// repeat a depth image that serves two color images. O(bytes).
 inline std::vector<ListedFile> read_file_list(const std::filesystem::path& path) {
   const std::string list = "file list " + path.string();
   std::vector<ListedFile> files;
@@ -41,6 +42,9 @@ inline std::vector<ListedFile> read_file_list(const std::filesystem::path& path)
     });
     ListedFile entry{detail::parse_timestamp(line.text.substr(0, end), where),
                      detail::trimmed(line.text.substr(end))};
+    const bool again = !files.empty() && files.back().timestamp == entry.timestamp &&
+                       files.back().file == entry.file;
+    if (again) continue;
     if (!files.empty())
       detail::check_after(files.back().timestamp, last_line, entry.timestamp, line.number, list);
     files.push_back(std::move(entry));

@@ -142,14 +142,13 @@ class DepthRegistration {
                  Eigen::Isometry3d& T) const {
     Eigen::Matrix<float, 6, 6> sum = Eigen::Matrix<float, 6, 6>::Zero();
     Vector6f right = Vector6f::Zero();
-    float area = 0;
     for (std::size_t i = 0; i < weight_.size(); ++i) {
       const Vector6f weighted = weight_[i] * slopes_[i];
       sum.noalias() += weighted * slopes_[i].transpose();
       right.noalias() += weighted * error_[i];
-      area += kUsualArea;
     }
-    const double per = kIndependent / static_cast<double>(area);
+    const double per =
+        kIndependent / (static_cast<double>(kUsualArea) * static_cast<double>(weight_.size()));
     Eigen::Matrix<double, 6, 6> H = sum.cast<double>() * per;
     Eigen::Matrix<double, 6, 1> g = right.cast<double>() * per;
     const Eigen::Isometry3d off = prior.inverse() * T;

@@ -35,8 +35,6 @@ class FarHoles {
 
   /// The farthest that was measured in the last seconds, metres.
   float range_m() const { return std::max(recent_m_, earlier_m_); }
-  /// Forgets it.
-  void reset() { recent_m_ = earlier_m_ = 0, since_s_ = -std::numeric_limits<double>::infinity(); }
 
  private:
   static constexpr double kMemoryS = 3;
@@ -50,8 +48,8 @@ class FarHoles {
   // One far cell alone may be noise; what is not seen again for kMemoryS to twice that was noise,
   // too, or another room.
   void learn_range(double timestamp, const DepthCells& frame) {
-    if (!(timestamp - since_s_ < kMemoryS)) {
-      earlier_m_ = timestamp - since_s_ < 2 * kMemoryS ? recent_m_ : 0;
+    if (!(timestamp >= since_s_ && timestamp - since_s_ < kMemoryS)) {
+      earlier_m_ = timestamp >= since_s_ && timestamp - since_s_ < 2 * kMemoryS ? recent_m_ : 0;
       recent_m_ = 0;
       since_s_ = timestamp;
     }
