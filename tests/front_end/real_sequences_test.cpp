@@ -34,7 +34,7 @@ TEST_F(RealSequences, NobodyMovesBeforeAFastKinect) {
     sum += front_end.stats().mask_share;
   }
   EXPECT_GT(sequence.size(), 80u);
-  EXPECT_LE(sum / static_cast<double>(sequence.size()), 0.01);
+  EXPECT_LE(sum / static_cast<double>(sequence.size()), 0.005);
 }
 
 TEST_F(RealSequences, PeopleBeforeAStillXtionAreFound) {

@@ -177,6 +177,13 @@ TEST_F(Holes, AmidNearSurfacesOrSmallSayNothing) {
   EXPECT_EQ(after(with_hole(3.8f, small_), 2), CellLabel::kUnknown);
 }
 
+TEST_F(Holes, SayNothingInARoomShorterThanTheRange) {
+  SensorModel sensor;
+  sensor.max_range_m = 5;
+  map_ = FreeSpaceMap(sensor);
+  EXPECT_EQ(after(with_hole(3.8f, large_), 2), CellLabel::kUnknown);
+}
+
 TEST_F(Holes, AreNotBorderedByPeople) {
   // Somebody stands before most of the border; the rest of it is far away.
   DepthCells frame = with_hole(3.8f, large_);

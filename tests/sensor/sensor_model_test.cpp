@@ -29,7 +29,7 @@ TEST(SensorModel, RefusesNumbersWithoutSense) {
   for (double SensorModel::*number :
        {&SensorModel::depth_floor_m, &SensorModel::depth_slope, &SensorModel::depth_square,
         &SensorModel::sigmas, &SensorModel::delay_s, &SensorModel::readout_s,
-        &SensorModel::min_range_m})
+        &SensorModel::min_range_m, &SensorModel::max_range_m})
     for (const double bad : {-1.0, std::nan(""), HUGE_VAL}) {
       SensorModel model;
       model.*number = bad;

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "stillpoint/motion/depth_cells.hpp"
+#include "stillpoint/sensor/sensor_model.hpp"
 
 namespace stillpoint {
 
@@ -17,6 +18,9 @@ namespace stillpoint {
 /// glossy or too close), say nothing.
 class FarHoles {
  public:
+  explicit FarHoles(const SensorModel& sensor = {})
+      : max_range_m_(static_cast<float>(sensor.max_range_m)) {}
+
   /// Finds the cells of a frame that lie in such holes, not at their rims: one byte each, 1 = in a
   /// hole. `dynamic`: one byte per cell, not 0 = taken for dynamic; a person before the hole is no
   /// border. Valid until the next call. O(cells).
@@ -25,7 +29,7 @@ class FarHoles {
     found_.assign(frame.size(), 0);
     seen_.assign(frame.size(), 0);
     learn_range(timestamp, frame);
-    if (range_m() < kShortestRangeM) return found_;
+    if (range_m() < kEndReached * max_range_m_) return found_;
     for (int y = 1; y + 1 < frame.height; ++y)
       for (int x = 1; x + 1 < frame.width; ++x)
         if (const std::size_t i = frame.index(x, y); frame.depth_m[i] < 0 && !seen_[i])
@@ -38,7 +42,8 @@ class FarHoles {
 
  private:
   static constexpr double kMemoryS = 3;
-  static constexpr float kShortestRangeM = 2.5f, kEndOfRange = 0.85f;
+  static constexpr float kEndReached = 0.95f;  // of the sensor's range: the scene goes so far
+  static constexpr float kEndOfRange = 0.85f;
   static constexpr std::size_t kSmallestShare = 20;  // of the image: one in 20
   static constexpr int kFewestFar = 10;
   struct Cell {
@@ -100,6 +105,7 @@ class FarHoles {
     }
   }
 
+  float max_range_m_;
   float recent_m_ = 0, earlier_m_ = 0;
   double since_s_ = -std::numeric_limits<double>::infinity();  // of recent_m_
   std::vector<std::uint8_t> found_, seen_;

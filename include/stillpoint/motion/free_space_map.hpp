@@ -42,7 +42,7 @@ struct DepthKeyView {
 /// Bounded in time and, at any rate of frames, in memory: 52 images of 80 x 60 cells, 2.5 MB.
 class FreeSpaceMap {
  public:
-  explicit FreeSpaceMap(const SensorModel& sensor = {}) : sensor_(sensor) {}
+  explicit FreeSpaceMap(const SensorModel& sensor = {}) : sensor_(sensor), holes_(sensor) {}
 
   bool empty() const { return count_ == 0; }
   void clear() { count_ = 0, next_ = 0; }

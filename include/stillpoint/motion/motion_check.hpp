@@ -87,6 +87,7 @@ class MotionCheck {
     cells_.set(context.depth, block_px);
     if (cells_.size() == 0) return detector_.found();  // not one cell
     locate(context.frame.depth_time(), ego);
+    if (map_.empty()) start_s_ = depth_s_;
     map_.judge(depth_s_, T_map_depth_, lateral_cells_, cells_, context.labels);
     label_outlier_corners(ego, context.labels);
     context.labels.find_wide_static();
@@ -149,6 +150,10 @@ class MotionCheck {
   static constexpr double kReadoutError = 3;
   static constexpr float kOutlierReachM = 0.1f, kOutlierStepM = 0.1f;
   static constexpr double kSureSupport = 0.6;
+  // A cluster of outlier corners must show twice, but for the first moment, which has no past to
+  // compare with, and before a camera that does not rotate, whose corners are followed well.
+  static constexpr double kStartS = 0.7, kStillRadS = 0.1;
+  static constexpr float kSameClusterM = 0.5f;  // from one frame to the next
 
   // Finds the depth image's pose in the map, and how far its cells may be off sideways.
   void locate(double depth_s, const EgoMotion& ego) {
@@ -188,12 +193,17 @@ class MotionCheck {
   // Surfaces around corners that move by themselves have moved: a slow surface lies over where it
   // was a moment ago. But not those that have been there for longer: a reflection moves, too.
   void label_outlier_corners(EgoMotion& ego, CellLabels& labels) {
+    std::swap(outliers_, last_outliers_);
+    outliers_.clear();
     if (!ego.measured() || !(ego.measured()->support > kSureSupport)) return;
     const float per_cell = 1.0f / static_cast<float>(cells_.block_px);
     const Eigen::Isometry3d& seen = ego.measured()->T_current_last;
-    const double smeared_share = kReadoutError * sensor_.readout_s * ego.angular_velocity().norm();
+    const double rad_s = ego.angular_velocity().norm();
+    const double smeared_share = kReadoutError * sensor_.readout_s * rad_s;
+    const bool once_is_enough = rad_s < kStillRadS || depth_s_ - start_s_ < kStartS;
     for (const CameraMotion::OutlierCorner& corner : ego.images().outlier_clusters(
              seen, ego.trusted_prediction().value_or(seen), smeared_share)) {
+      if (!seen_twice(corner, seen) && !once_is_enough) continue;
       const int reach = static_cast<int>(kOutlierReachM * cells_.fx / corner.depth_m);
       const int cx = static_cast<int>(corner.u * per_cell);
       const int cy = static_cast<int>(corner.v * per_cell);
@@ -205,6 +215,20 @@ class MotionCheck {
             labels[i] = CellLabel::kMoved;
         }
     }
+  }
+
+  // Whether the last frame had an outlier nearby, too.
+  bool seen_twice(const CameraMotion::OutlierCorner& corner, const Eigen::Isometry3d& T_now_last) {
+    const float per_cell = 1.0f / static_cast<float>(cells_.block_px);
+    const int x = std::min(cells_.width - 1, static_cast<int>(corner.u * per_cell));
+    const int y = std::min(cells_.height - 1, static_cast<int>(corner.v * per_cell));
+    const std::size_t i = cells_.index(x, y);
+    outliers_.push_back(corner.depth_m * Eigen::Vector3f(cells_.ray_x[i], cells_.ray_y[i], 1));
+    const Eigen::Isometry3f T = T_now_last.cast<float>();
+    return std::any_of(
+        last_outliers_.begin(), last_outliers_.end(), [&](const Eigen::Vector3f& last) {
+          return (outliers_.back() - T * last).squaredNorm() < kSameClusterM * kSameClusterM;
+        });
   }
 
   Settings settings_;
@@ -222,6 +246,8 @@ class MotionCheck {
   Eigen::Vector2f lateral_cells_ = Eigen::Vector2f::Zero();
   bool judged_ = false, registered_ = false;  // the last frame
   std::vector<std::uint8_t> dynamic_;
+  double start_s_ = 0;                                     // of the map
+  std::vector<Eigen::Vector3f> outliers_, last_outliers_;  // of two frames, each in its camera
 };
 
 }  // namespace stillpoint

@@ -28,6 +28,9 @@ struct SensorModel {
   double readout_s = 0.03;
   /// Least distance that is measured, metres.
   double min_range_m = 0.3;
+  /// Up to this distance nearly every surface is measured, metres: what is not is black, glossy or
+  /// transparent. Only beyond it a hole in the depth may be free space.
+  double max_range_m = 4;
 
   /// Standard deviation of a depth, metres.
   float depth_sigma_m(float z) const {
@@ -40,23 +43,25 @@ struct SensorModel {
 
   /// Structured light: Kinect v1, Xtion. Depth noise: Khoshelham and Oude Elberink, Sensors 2012,
   /// 12(2), 1437 (1.45e-3 z^2 at random, and twice that with the systematic part); color and depth
-  /// are taken without synchronization at 30 Hz, up to 17 ms apart, and read out row by row.
+  /// are taken without synchronization at 30 Hz, up to 17 ms apart, and read out row by row. Kinect
+  /// for Windows is specified for 0.8 to 4 m.
   static SensorModel kinect_v1() { return {}; }
   /// Time of flight: Kinect v2, Azure Kinect. Azure's data sheet: random error at most 17 mm,
-  /// systematic at most 11 mm + 0.1 % of the distance. The shutter of the depth is global.
+  /// systematic at most 11 mm + 0.1 % of the distance; 0.5 to 3.86 m. The shutter of the depth is
+  /// global.
   static SensorModel time_of_flight() {
     SensorModel model;
     model.depth_floor_m = 0.011, model.depth_slope = 0.004, model.depth_square = 0.0005;
-    model.delay_s = 0.003, model.readout_s = 0.015;
+    model.delay_s = 0.003, model.readout_s = 0.015, model.max_range_m = 3.86;
     return model;
   }
   /// Active stereo: RealSense D4xx. Intel's tuning guide: noise z^2 * subpixel / (focal length *
-  /// baseline), 0.08 px to 0.15 px with texture, 640 px, 50 mm (D435). Its depth has a global
-  /// shutter, the color of most models has not.
+  /// baseline), 0.08 px to 0.15 px with texture, 640 px, 50 mm (D435; ideal up to 3 m). Its depth
+  /// has a global shutter, the color of most models has not.
   static SensorModel realsense_d400() {
     SensorModel model;
     model.depth_floor_m = 0.004, model.depth_slope = 0.004, model.depth_square = 0.004;
-    model.delay_s = 0.005, model.readout_s = 0.015;
+    model.delay_s = 0.005, model.readout_s = 0.015, model.max_range_m = 3;
     return model;
   }
   /// A rendered camera: exact stamps, global shutter.
@@ -80,6 +85,7 @@ struct SensorModel {
     at_least_0("delay_s", delay_s);
     at_least_0("readout_s", readout_s);
     at_least_0("min_range_m", min_range_m);
+    at_least_0("max_range_m", max_range_m);
   }
 };
 
