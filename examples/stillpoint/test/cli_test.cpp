@@ -529,6 +529,44 @@ TEST_F(Cli, BenchShardsAreMerged) {
   ASSERT_EQ(rows.size(), 2u);
   for (const Json& row : rows) EXPECT_EQ(row["runs"], 2);
   EXPECT_TRUE(fs::exists(path("merged") / "index.html"));
+
+  // A run that is missing is named with its shard, and merged without only if told so.
+  fs::remove(path("s1") / "runs/walk/off.1.json");
+  expect_error("bench --merge s0 s1 --out lacking", 1, "1 of 4 runs are missing: runs/walk/off.1");
+  expect_error("bench --merge s0 --out lacking", 1, "(shard 1/2)");
+  EXPECT_FALSE(fs::exists(path("lacking")));
+  const Result part = run("bench --merge s0 s1 --partial --out lacking");
+  ASSERT_EQ(part.code, 0) << part.err;
+  EXPECT_NE(part.out.find("front end off (1 of 2 runs)"), std::string::npos) << part.out;
+  EXPECT_NE(part.out.find("incomplete: 1 of 4 runs"), std::string::npos) << part.out;
+  EXPECT_NE(text_of(path("lacking") / "index.html").find("(1 of 2 runs)"), std::string::npos);
+  for (const Json& row : json_of(path("lacking") / "results.json")["rows"]) {
+    EXPECT_EQ(row["failed"], row["variant"] == "off" ? "incomplete" : "");
+    EXPECT_EQ(row["runs_planned"], 2);
+  }
+  expect_error("bench walk --partial --out lacking", 2, "--merge");
+}
+
+TEST_F(Cli, BenchMergesNoMixture) {
+  const std::string command = "bench walk --tracker vo --frames 4 --variants off --runs 2 --shard ";
+  for (const char* shard : {"0/2 --out mix0", "1/2 --out mix1"})
+    ASSERT_EQ(run(command + shard).code, 0) << shard;
+  ASSERT_EQ(run("bench walk --tracker vo --frames 4 --variants off --runs 2 --features 300 "
+                "--shard 0/2 --out mix_stale")
+                .code,
+            0);
+  ASSERT_EQ(run("bench walk --tracker vo --frames 4 --variants off --runs 1 --out mix_short").code,
+            0);
+  for (const char* folders : {"mix_stale mix0 mix1", "mix0 mix1 mix_stale"})
+    expect_error("bench --out mixed --merge " + std::string(folders), 1, "features of runs/walk/");
+  expect_error("bench --merge mix0 mix1 mix_short --out mixed", 1, "off.1.json");
+  fs::create_directories(path("mix_none"));
+  expect_error("bench --merge mix0 mix1 mix_none --out mixed", 1, "mix_none/plan.json");
+  EXPECT_FALSE(fs::exists(path("mixed")));
+  // The results of an earlier bench in a shard's folder are none of this one.
+  fs::copy(path("mix_stale") / "runs/walk/off.0.json", path("mix0") / "runs/walk/off.0.json",
+           fs::copy_options::overwrite_existing);
+  expect_error("bench --merge mix0 mix1 --out mixed", 1, "missing: runs/walk/off.0.json");
 }
 
 TEST_F(Cli, BenchJudgesOtherSystemsByTheSameRules) {
