@@ -221,6 +221,41 @@ TEST_F(Cli, RunWritesWhatItSays) {
   }
 }
 
+TEST_F(Cli, RunThatBreaksOffKeepsTheLastGoodResults) {
+  fs::copy(path("walk"), path("ends"), fs::copy_options::recursive);
+  const std::string command = "run ends --out ends_out --tracker vo --save-keypoints --save-masks";
+  ASSERT_EQ(run(command).code, 0);
+  const auto contents = [] {
+    std::string all;
+    for (const char* file : {"trajectory.txt", "stats.json", "map.ply", "keypoints.csv"})
+      all += text_of(path("ends_out") / file);
+    return all + std::to_string(files_in(path("ends_out") / "masks", ".png"));
+  };
+  const std::string good = contents();
+  std::vector<fs::path> pictures;
+  for (const auto& entry : fs::directory_iterator(path("ends") / "rgb"))
+    pictures.push_back(entry.path());
+  std::sort(pictures.begin(), pictures.end());
+  fs::resize_file(pictures.back(), 0);
+  expect_error(command, 1, "what was tracked before it is in ends_out/trajectory.txt.partial");
+  EXPECT_EQ(contents(), good);
+  EXPECT_EQ(read_trajectory(path("ends_out") / "trajectory.txt.partial").size(), 11u);
+
+  // The next run that ends well clears up.
+  fs::copy(path("walk") / "rgb" / pictures.back().filename(), pictures.back(),
+           fs::copy_options::overwrite_existing);
+  ASSERT_EQ(run("run ends --out ends_out --tracker vo --frames 6").code, 0);
+  EXPECT_EQ(read_trajectory(path("ends_out") / "trajectory.txt").size(), 6u);
+  EXPECT_FALSE(fs::exists(path("ends_out") / "keypoints.csv")) << "not this run's";
+  for (const auto& entry : fs::directory_iterator(path("ends_out")))
+    EXPECT_NE(entry.path().extension(), ".partial") << entry.path();
+
+  // A broken ground truth is found before a frame is tracked.
+  std::ofstream(path("ends") / "groundtruth.txt") << "1.0 nothing\n";
+  expect_error("run ends --out ends_late", 1, "groundtruth.txt");
+  EXPECT_FALSE(fs::exists(path("ends_late")));
+}
+
 TEST_F(Cli, SameInputGivesTheSameBytes) {
   for (const char* out : {"one", "two"})
     ASSERT_EQ(run("run walk --save-masks --save-keypoints --out " + std::string(out)).code, 0);
