@@ -145,14 +145,23 @@ void choose_segmenter(RunSettings& settings) {
         "torchscript");
   if (settings.async && settings.latency_ms >= 0)
     throw Error("--async and --latency exclude each other: one is real, one is played");
+  if (settings.segmenter == "none" && !settings.dynamic.empty())
+    throw Error("--dynamic: only a segmenter names classes, found --segmenter none");
   dynamic_classes(settings);  // says what is wrong with them
 }
 
 std::unique_ptr<Segmenter> make_segmenter(const RunSettings& settings,
                                           const TumSequence& sequence) {
   if (settings.segmenter == "none") return nullptr;
-  if (settings.segmenter == "mask_files")
-    return std::make_unique<MaskFilesSegmenter>(settings.masks, frame_names(sequence));
+  if (settings.segmenter == "mask_files") {
+    auto segmenter = std::make_unique<MaskFilesSegmenter>(settings.masks, frame_names(sequence));
+    const std::vector<std::string> known = segmenter->classes();
+    for (const DynamicClass& c : dynamic_classes(settings))
+      if (c.name != known.front())
+        throw Error("--dynamic: mask files have no class names, everything in them is \"" +
+                    known.front() + "\"; found \"" + c.name + "\"");
+    return segmenter;
+  }
 #ifdef STILLPOINT_WITH_OPENCV_DNN
   if (settings.segmenter == "opencv_dnn") {
     OpenCvDnnSettings network;

@@ -495,6 +495,15 @@ TEST_F(Cli, TorchScriptIsRunOrNamed) {
   EXPECT_FALSE(fs::exists(path("net")));
 }
 
+TEST_F(Cli, ClassesThatNoSourceKnowsAreRefused) {
+  expect_error("run walk --out classes --dynamic persn", 1, "found \"persn\"");
+  expect_error("run walk --out classes --dynamic person,chair=0.5", 1, "found \"chair\"");
+  expect_error("segment walk --out classes --masks walk/masks_gt --dynamic persn", 1, "\"person\"");
+  expect_error("run walk --out classes --segmenter none --dynamic persn", 1, "--segmenter none");
+  EXPECT_FALSE(fs::exists(path("classes")));
+  EXPECT_EQ(run("run walk --out classes --tracker vo --frames 3 --dynamic person=0.9").code, 0);
+}
+
 TEST_F(Cli, NetworksSegment) {
   const std::string graphs = STILLPOINT_TEST_GRAPHS;
   if (!fs::exists(graphs + "/fastestdet.onnx")) GTEST_SKIP() << "no graphs in " << graphs;
