@@ -387,6 +387,38 @@ TEST_F(Cli, EvaluatePrintsItsKeys) {
   EXPECT_NE(cut.out.find("FAILED"), std::string::npos) << cut.out;
 }
 
+TEST_F(Cli, EvaluateAndRunAgreeOnTheCoverage) {
+  // A camera that dropped two frames, and one color picture without depth: neither is lost track.
+  fs::copy(path("walk"), path("gaps"), fs::copy_options::recursive);
+  fs::remove(path("gaps") / "associations.txt");
+  const auto shorten = [&](const char* list, std::vector<int> dropped) {
+    std::istringstream in(text_of(path("walk") / list));
+    std::ofstream out(path("gaps") / list, std::ios::binary);
+    int frame = 0;
+    for (std::string line; std::getline(in, line);)
+      if (line[0] == '#' || std::find(dropped.begin(), dropped.end(), frame++) == dropped.end())
+        out << line << "\n";
+  };
+  shorten("rgb.txt", {4, 5});
+  shorten("depth.txt", {4, 5, 8});
+  ASSERT_EQ(run("run gaps --out gaps_out --tracker vo").code, 0);
+  const Json stats = json_of(path("gaps_out") / "stats.json");
+  EXPECT_EQ(stats["coverage"], 1.0);
+  const std::string files =
+      "evaluate --json --groundtruth gaps/groundtruth.txt --estimate gaps_out/trajectory.txt";
+  for (const char* frames : {"", " --frames gaps/rgb.txt"}) {
+    const Result r = run(files + frames);
+    ASSERT_EQ(r.code, 0) << r.err;
+    EXPECT_EQ(Json::parse(r.out)["coverage"], stats["coverage"]) << frames;
+    EXPECT_EQ(Json::parse(r.out)["frames_from"], "gaps/rgb.txt") << frames;
+  }
+  // Nothing but trajectories: a guess, said to be one.
+  fs::copy(path("gaps") / "groundtruth.txt", path("alone.txt"));
+  EXPECT_NE(run("evaluate --groundtruth alone.txt --estimate gaps_out/trajectory.txt")
+                .out.find("frames are guessed"),
+            std::string::npos);
+}
+
 TEST_F(Cli, SegmentCopiesMasksInItsFormat) {
   const Result r = run("segment walk --masks walk/masks_gt --out seg");
   ASSERT_EQ(r.code, 0) << r.err;
