@@ -174,6 +174,16 @@ void write_page(const std::vector<fs::path>& folders, const Json& plan, bool par
               pictures.c_str());
 }
 
+/// One sequence may lack a folder of masks; a name that none has is mistyped.
+void check_masks_folders(const BenchPlan& plan) {
+  for (const std::string& folder : plan.masks_folders)
+    if (folder != "masks" &&
+        std::none_of(plan.sequences.begin(), plan.sequences.end(),
+                     [&](const fs::path& s) { return fs::is_directory(s / folder); }))
+      throw Error("--masks-folder: expected a folder inside a sequence, found no \"" + folder +
+                  "\" in any of them");
+}
+
 /// Does the jobs that are not done yet, some at a time. Returns false if one of them broke off.
 bool run_jobs(const std::vector<BenchJob>& jobs, const BenchOptions& options) {
   // One job has the machine for itself; more share it, each with one thread.
@@ -247,6 +257,7 @@ void bench(const BenchOptions& options) {
                                               options.plan.sequences.front().string());
   const Shard shard = options.shard.empty() ? Shard() : parse_shard(options.shard);
   std::vector<std::string> notes;
+  if (options.paper.empty()) check_masks_folders(options.plan);
   std::vector<BenchJob> all = options.paper.empty()
                                   ? make_jobs(options.plan, notes)
                                   : make_paper_jobs(options.plan, options.paper, notes);

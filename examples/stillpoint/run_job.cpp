@@ -239,6 +239,20 @@ class RecordingClock {
   bool running_ = true;
 };
 
+/// The lists rgb.txt and depth.txt go before associations.txt; one that could not be read anyway is
+/// worth a word.
+std::optional<std::string> unread_associations(const TumSequence& sequence) {
+  const fs::path file = sequence.folder() / "associations.txt";
+  if (!fs::exists(file)) return std::nullopt;
+  try {
+    read_associations(file, sequence.folder());
+    return std::nullopt;
+  } catch (const Error& e) {
+    return file.string() + " is broken, and was not read: rgb.txt and depth.txt are there (" +
+           e.what() + ")";
+  }
+}
+
 /// After a failure: writes the poses there are. That this fails too is not worth another message.
 void keep_tracked(Tracker& tracker, const fs::path& file) {
   try {
@@ -276,6 +290,8 @@ Json run_job(const RunSettings& wanted, const RunOutputs& outputs,
   if (sequence.missing_pictures() > 0)
     say(std::to_string(sequence.missing_pictures()) +
         " listed pictures are not on the disk; their frames are left out");
+
+  if (const auto problem = unread_associations(sequence)) say(*problem);
 
   reset_peak_memory();
   Pipeline pipeline(front_end, settings.front_end, *sequence.camera(), segmenter.get(), fed);
@@ -319,6 +335,9 @@ Json run_job(const RunSettings& wanted, const RunOutputs& outputs,
     for (std::size_t i = 0; i < count; ++i) run_frame(i);
     writer.finish();
     worst.finish();
+    if (recorder.frames() > 0 && recorder.segmenter_errors() == recorder.frames())
+      throw Error("the segmenter failed in all " + std::to_string(recorder.frames()) +
+                  " frames: " + recorder.segmenter_error());
   } catch (const std::exception&) {
     if (outputs.keep_unfinished) keep_tracked(*tracker, outputs.trajectory);
     throw;

@@ -527,6 +527,31 @@ TEST_F(Cli, TorchScriptIsRunOrNamed) {
   EXPECT_FALSE(fs::exists(path("net")));
 }
 
+TEST_F(Cli, FoldersAndFilesOfAnotherKindAreSaid) {
+  expect_error("run walk --out kinds --masks walk/rgb", 1, "expected one channel of 8 bits");
+  EXPECT_FALSE(fs::exists(path("kinds")));
+  expect_error("bench walk --out kinds --masks-folder maks", 1, "found no \"maks\"");
+  expect_error("synth other --size 16x16", 1,
+               "SyntheticSettings.width: expected 32 to 8192, found");
+
+  fs::copy(path("walk"), path("garbage"), fs::copy_options::recursive);
+  std::ofstream(path("garbage") / "associations.txt") << "garbage\n";
+  const Result r = run("run garbage --out kinds --tracker vo --frames 3");
+  EXPECT_EQ(r.code, 0);
+  EXPECT_NE(r.err.find("associations.txt is broken"), std::string::npos) << r.err;
+
+  // Every mask but the first is none: that is said in the end, and is no success if it is all.
+  fs::copy(path("walk"), path("later"), fs::copy_options::recursive);
+  std::vector<fs::path> masks;
+  for (const auto& entry : fs::directory_iterator(path("later") / "masks"))
+    masks.push_back(entry.path());
+  std::sort(masks.begin(), masks.end());
+  for (std::size_t i = 1; i < masks.size(); ++i) fs::resize_file(masks[i], 20);
+  const Result most = run("run later --out kinds --tracker vo --frames 3");
+  EXPECT_EQ(most.code, 0) << most.err;
+  EXPECT_NE(most.err.find("failed in 2 frames"), std::string::npos) << most.err;
+}
+
 TEST_F(Cli, ClassesThatNoSourceKnowsAreRefused) {
   expect_error("run walk --out classes --dynamic persn", 1, "found \"persn\"");
   expect_error("run walk --out classes --dynamic person,chair=0.5", 1, "found \"chair\"");
