@@ -160,6 +160,12 @@ class SegmentationCompensator {
 
   void begin(const FrameContext& context, const Segmentation& segmentation) {
     const RgbdFrame& frame = context.frame;
+    // Nobody set the time: history would be forgotten in each frame, and only a status would tell.
+    detail::check(frame.timestamp != 0 || last_s_ != 0, [] {
+      return std::string(
+          "frame.timestamp: expected seconds that grow from frame to frame, found 0 twice in a "
+          "row; set it to the camera's time, or to the frame's number divided by the frame rate");
+    });
     status_ = kOk;
     restored_ = 0;
     // A depth image that is black all over tells no more than none at all.
