@@ -25,10 +25,21 @@ foreach(target IN LISTS targets)
     set(component core)
   endif()
   list(APPEND STILLPOINT_COMPONENTS ${component})
+  # A compiled library may not be built: the headers need no build. The package then says so of its
+  # component.
   install(TARGETS ${target} EXPORT stillpoint-${component}
-          ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR}
-          LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR}
-          RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
+          ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR} OPTIONAL
+          LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR} OPTIONAL
+          RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} OPTIONAL)
+  get_target_property(type ${target} TYPE)
+  if(type STREQUAL "SHARED_LIBRARY")
+    set(library ${CMAKE_SHARED_LIBRARY_PREFIX}${target}${CMAKE_SHARED_LIBRARY_SUFFIX})
+    string(APPEND STILLPOINT_COMPONENT_RULES "set(_stillpoint_library_${component} \
+\"\${PACKAGE_PREFIX_DIR}/${CMAKE_INSTALL_LIBDIR}/${library}\")\n")
+    install(CODE "if(NOT EXISTS \"$<TARGET_FILE:${target}>\")
+  message(STATUS \"stillpoint: not installed, as it is not built: component '${component}'\")
+endif()")
+  endif()
   install(EXPORT stillpoint-${component} NAMESPACE stillpoint:: DESTINATION ${config_dir}
           FILE stillpoint-${component}-targets.cmake)
 

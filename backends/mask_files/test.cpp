@@ -48,6 +48,7 @@ TEST(MaskFiles, FindsTheMaskOfAFrameByItsStem) {
   ASSERT_EQ(seen.instances.size(), 1u);
   EXPECT_EQ(seen.instances[0].box, cv::Rect(3, 4, 10, 12));
   EXPECT_EQ(seen.instances[0].class_name, "person");
+  EXPECT_EQ(segmenter.classes(), std::vector<std::string>{"person"});
   EXPECT_NO_THROW(check_segmentation(seen, kSize));
 
   EXPECT_FALSE(segmenter.segment(frame_at(1341846313.625)).available) << "no file: no result";

@@ -7,7 +7,6 @@
 #include <memory>
 #include <mutex>
 #include <opencv2/core.hpp>
-#include <set>
 #include <thread>
 
 #include "bench_paper.hpp"
@@ -33,6 +32,8 @@ struct BenchOptions {
   fs::path paper;
   std::string shard;
   std::vector<fs::path> merge;
+  /// Merge also what is incomplete.
+  bool partial = false;
   int parallel = 1;
   bool fresh = false;
 };
@@ -45,7 +46,7 @@ bool is_done(const fs::path& file, const Json& key) {
   return old.is_object() && old.contains("stats") && old.value("job", Json()) == key;
 }
 
-void run_one(const BenchJob& job, const Json& key, const BenchOptions& options,
+void run_one(const BenchJob& job, const BenchOptions& options,
              const std::function<void(double share)>& progress) {
   const fs::path file = options.out / job.result_file();
   const fs::path base = fs::path(file).replace_extension();  // VARIANT.RUN
@@ -65,7 +66,7 @@ void run_one(const BenchJob& job, const Json& key, const BenchOptions& options,
     outputs.map_views_dir = base.string() + ".map";
   }
   Json result;
-  result["job"] = key;
+  result["job"] = job.key;
   try {
     if (!job.estimate.empty())
       result["stats"] = judge_estimate(job.settings.sequence, job.estimate, job.settings.frames);
@@ -125,12 +126,33 @@ Shard parse_shard(const std::string& text) {
   return {index, count};
 }
 
-/// Makes table, CSV, JSON and page of results.
-void write_page(const std::vector<Json>& results, const fs::path& out) {
-  const Json rows = make_rows(results);
-  write_json(out / "results.json", {{"command", command_line()}, {"rows", rows}});
+/// The first few of many, for a message.
+std::string some_of(const std::vector<std::string>& all) {
+  constexpr std::size_t kShown = 6;
+  std::string text;
+  for (std::size_t i = 0; i < std::min(all.size(), kShown); ++i) text += (i ? ", " : "") + all[i];
+  return all.size() > kShown ? text + ", and " + std::to_string(all.size() - kShown) + " more"
+                             : text;
+}
+
+/// Makes table, CSV, JSON and page of the plan's results in these folders.
+void write_page(const std::vector<fs::path>& folders, const Json& plan, bool partial,
+                const fs::path& out) {
+  std::vector<std::string> missing;
+  const std::vector<Json> results = read_results(folders, plan, missing);
+  const std::string lack = std::to_string(missing.size()) + " of " +
+                           std::to_string(plan["runs"].size()) +
+                           " runs are missing: " + some_of(missing);
+  if (results.empty()) throw Error("bench: no results in " + (folders.front() / "runs").string());
+  if (!missing.empty() && !partial)
+    throw Error("bench: " + lack + "; run what is missing, or merge what is there with --partial");
+  make_folder(out);
+  const Json rows = make_rows(results, plan);
+  const std::string command = command_line() + (missing.empty() ? "" : "\n# incomplete: " + lack);
+  write_json(out / "results.json",
+             {{"command", command_line()}, {"rows", rows}, {"missing", missing}});
   write_file(out / "results.csv", rows_csv(rows), "table");
-  write_file(out / "index.html", make_page(rows, results, command_line()), "page");
+  write_file(out / "index.html", make_page(rows, results, command), "page");
   std::string pictures;
   for (const auto& [name, picture] : {std::make_pair("blur.svg", blur_picture(rows, results)),
                                       std::make_pair("settings.svg", setting_picture(rows))}) {
@@ -147,8 +169,19 @@ void write_page(const std::vector<Json>& results, const fs::path& out) {
     std::printf("\n%s\n%s", table.title.c_str(), text.text().c_str());
   }
   if (!tables.empty()) std::printf("\n%s", paper_legend());
+  if (!missing.empty()) std::printf("\nincomplete: %s\n", lack.c_str());
   std::printf("\nwritten: %s, results.csv, results.json%s\n", (out / "index.html").string().c_str(),
               pictures.c_str());
+}
+
+/// One sequence may lack a folder of masks; a name that none has is mistyped.
+void check_masks_folders(const BenchPlan& plan) {
+  for (const std::string& folder : plan.masks_folders)
+    if (folder != "masks" &&
+        std::none_of(plan.sequences.begin(), plan.sequences.end(),
+                     [&](const fs::path& s) { return fs::is_directory(s / folder); }))
+      throw Error("--masks-folder: expected a folder inside a sequence, found no \"" + folder +
+                  "\" in any of them");
 }
 
 /// Does the jobs that are not done yet, some at a time. Returns false if one of them broke off.
@@ -169,13 +202,12 @@ bool run_jobs(const std::vector<BenchJob>& jobs, const BenchOptions& options) {
         i = next++;
       }
       const fs::path file = options.out / jobs[i].result_file();
-      const Json key = job_key(jobs[i]);
-      const bool kept = !options.fresh && is_done(file, key);
+      const bool kept = !options.fresh && is_done(file, jobs[i].key);
       const auto start = std::chrono::steady_clock::now();
       std::string failure;
       try {
         if (!kept)
-          run_one(jobs[i], key, options, [&](double share) {
+          run_one(jobs[i], options, [&](double share) {
             const std::lock_guard<std::mutex> lock(mutex);
             shares[i] = share;
             double sum = 0;
@@ -196,7 +228,7 @@ bool run_jobs(const std::vector<BenchJob>& jobs, const BenchOptions& options) {
       } else {
         std::printf("%s: %s\n", jobs[i].sequence.c_str(), failure.c_str());
       }
-      good = good && failure.empty() && is_done(file, key);
+      good = good && failure.empty() && is_done(file, jobs[i].key);
     }
   };
   std::vector<std::thread> threads;
@@ -213,13 +245,11 @@ void bench(const BenchOptions& options) {
           "--merge",
           "runs nothing, so it takes no SEQUENCE and no --paper; found " +
               (options.paper.empty() ? options.plan.sequences.front() : options.paper).string());
-    const std::vector<Json> results = read_results(options.merge);
-    if (results.empty())
-      throw Error("bench: no results in " + (options.merge.front() / "runs").string());
-    make_folder(options.out);
-    write_page(results, options.out);
+    const Json plan = common_plan(options.merge);
+    write_page(options.merge, plan, options.partial, options.out);
     return;
   }
+  if (options.partial) throw CLI::ValidationError("--partial", "only --merge has a use for it");
   if (options.plan.sequences.empty() && options.paper.empty())
     throw CLI::RequiredError("SEQUENCE (or --paper DATA_DIR, or --merge with folders of results)");
   if (!options.plan.sequences.empty() && !options.paper.empty())
@@ -227,28 +257,22 @@ void bench(const BenchOptions& options) {
                                               options.plan.sequences.front().string());
   const Shard shard = options.shard.empty() ? Shard() : parse_shard(options.shard);
   std::vector<std::string> notes;
+  if (options.paper.empty()) check_masks_folders(options.plan);
+  std::vector<BenchJob> all = options.paper.empty()
+                                  ? make_jobs(options.plan, notes)
+                                  : make_paper_jobs(options.plan, options.paper, notes);
+  add_keys(all);
   std::vector<BenchJob> jobs;
-  {
-    const std::vector<BenchJob> all = options.paper.empty()
-                                          ? make_jobs(options.plan, notes)
-                                          : make_paper_jobs(options.plan, options.paper, notes);
-    for (std::size_t i = shard.index; i < all.size(); i += shard.count) jobs.push_back(all[i]);
-  }
+  for (std::size_t i = shard.index; i < all.size(); i += shard.count) jobs.push_back(all[i]);
   for (const std::string& note : notes) std::printf("note: %s\n", note.c_str());
   if (jobs.empty()) throw Error("bench: nothing to run");
   make_folder(options.out / "runs");
+  const Json plan = make_plan(all, shard.count);
+  write_json(options.out / "plan.json", plan);
 
   const bool good = run_jobs(jobs, options);
   if (shard.count == 1) {
-    // What an earlier bench of other sequences or variants left there does not belong to this
-    // table.
-    std::set<std::string> files;
-    for (const BenchJob& job : jobs) files.insert((options.out / job.result_file()).string());
-    std::vector<Json> results = read_results({options.out});
-    results.erase(std::remove_if(results.begin(), results.end(),
-                                 [&](const Json& r) { return !files.count(r["file"]); }),
-                  results.end());
-    write_page(results, options.out);
+    write_page({options.out}, plan, true, options.out);
   } else {
     std::printf("done with shard %s; when all are: stillpoint bench --merge DIR... --out DIR\n",
                 options.shard.c_str());
@@ -315,6 +339,8 @@ void add_bench_command(CLI::App& app) {
       ->add_option("--merge", options->merge,
                    "Run nothing: one page of the results in these folders")
       ->type_name("DIR");
+  command->add_flag("--partial", options->partial,
+                    "Merge also where runs are missing; the table says where");
   command
       ->add_option("--estimate", plan.estimates,
                    "Another system's trajectory; {} = the sequence's name")
@@ -339,6 +365,8 @@ The ten sequences of the paper (scripts/download_tum, scripts/download_bonn), be
 On many machines, then one page of all:
   stillpoint bench walk_* --out shard3 --runs 5 --shard 3/16
   stillpoint bench --merge shard* --out bench
+Shards of different settings, inputs or builds are refused, and so is a merge with runs missing,
+unless --partial is given.
 
 Each run writes its result to DIR/runs/ when it is done. The same command again goes on where it was
 stopped; results of other settings, inputs or another build of the program are made anew. Then

@@ -82,9 +82,10 @@ std::string html(const Table& table) {
 std::string begin_row(const Json& row) {
   const std::string failed = row["failed"];
   return (failed.empty() ? "<tr>" : "<tr class=\"failed\">") +
-         cell(row["label"].get<std::string>() + (failed == "coverage" ? "  (failed: coverage)"
-                                                 : failed.empty()     ? ""
-                                                                      : "  (failed)"));
+         cell(row["label"].get<std::string>() + runs_lacking(row) +
+              (failed == "coverage"                       ? "  (failed: coverage)"
+               : failed.empty() || failed == "incomplete" ? ""
+                                                          : "  (failed)"));
 }
 
 std::string at(const Json& row, const std::string& key, int digits, double factor = 1) {
@@ -358,6 +359,7 @@ std::string overview(const Json& rows, const std::vector<std::string>& sequences
         if (row["sequence"] == s && row["label"] == label) {
           text = fixed(number_at(row, "ate_rmse_m"), 4) + " (" +
                  fixed(100 * number_at(row, "coverage_min"), 0) + " %)";
+          text += runs_lacking(row);
           if (!row["failed"].get<std::string>().empty()) attribute = " class=\"failed\"";
           if (row["best"].get<bool>()) attribute = " class=\"best\"";
         }

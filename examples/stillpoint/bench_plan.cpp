@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <fstream>
+#include <map>
 #include <opencv2/imgcodecs.hpp>
 #include <set>
 
@@ -15,6 +16,7 @@ namespace stillpoint::cli {
 namespace {
 
 namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
 
 /// FNV-1a: short, the same everywhere, good enough to notice a change.
 class Fingerprint {
@@ -227,9 +229,10 @@ std::vector<BenchJob> make_jobs(const BenchPlan& plan, std::vector<std::string>&
   return jobs;
 }
 
-nlohmann::ordered_json job_key(const BenchJob& job) {
+namespace {
+
+Json job_key(const BenchJob& job, const std::string& masks, const std::string& input) {
   const RunSettings& s = job.settings;
-  const std::string masks = s.masks.empty() ? "" : s.masks.filename().string();
   if (!job.estimate.empty()) {
     Fingerprint bytes;
     bytes.add(bytes_of(job.estimate));
@@ -240,7 +243,7 @@ nlohmann::ordered_json job_key(const BenchJob& job) {
             {"run", job.run},
             {"estimate", job.estimate.string()},
             {"frames", s.frames},
-            {"input", input_fingerprint(s.sequence, "")},
+            {"input", input},
             {"estimate_bytes", bytes.text()},
             {"program", program_fingerprint()},
             {"version", STILLPOINT_VERSION}};
@@ -261,9 +264,72 @@ nlohmann::ordered_json job_key(const BenchJob& job) {
           {"camera", s.camera},
           {"frames", s.frames},
           {"seed", s.seed},
-          {"input", input_fingerprint(s.sequence, masks)},
+          {"input", input},
           {"program", program_fingerprint()},
           {"version", STILLPOINT_VERSION}};
+}
+
+/// What tells two plans apart, in words; empty: nothing.
+std::string difference(const Json& a, const fs::path& folder_a, const Json& b,
+                       const fs::path& folder_b) {
+  std::map<std::string, const Json*> of_b;
+  for (const Json& run : b["runs"]) of_b[run["file"]] = &run["job"];
+  for (const Json& run : a["runs"]) {
+    const std::string file = run["file"];
+    const auto found = of_b.find(file);
+    if (found == of_b.end())
+      return folder_a.string() + " is of a bench with " + file + ", " + folder_b.string() +
+             " of one without it";
+    for (const auto& [key, value] : run["job"].items())
+      if (const Json other = found->second->value(key, Json()); other != value)
+        return key + " of " + file + " is " + value.dump() + " in " + folder_a.string() + " and " +
+               other.dump() + " in " + folder_b.string();
+    of_b.erase(found);
+  }
+  return of_b.empty() ? ""
+                      : folder_b.string() + " is of a bench with " + of_b.begin()->first + ", " +
+                            folder_a.string() + " of one without it";
+}
+
+}  // namespace
+
+void add_keys(std::vector<BenchJob>& jobs) {
+  std::map<std::pair<fs::path, std::string>, std::string> inputs;
+  for (BenchJob& job : jobs) {
+    const std::string masks =
+        job.settings.masks.empty() ? "" : job.settings.masks.filename().string();
+    std::string& input = inputs[{job.settings.sequence, masks}];
+    if (input.empty()) input = input_fingerprint(job.settings.sequence, masks);
+    job.key = job_key(job, masks, input);
+  }
+}
+
+Json make_plan(const std::vector<BenchJob>& jobs, std::size_t shards) {
+  Json plan = {{"shards", shards}, {"runs", Json::array()}};
+  for (const BenchJob& job : jobs)
+    plan["runs"].push_back({{"file", job.result_file().generic_string()}, {"job", job.key}});
+  return plan;
+}
+
+Json common_plan(const std::vector<fs::path>& folders) {
+  Json first;
+  for (const fs::path& folder : folders) {
+    const fs::path file = folder / "plan.json";
+    Json plan = Json::parse(bytes_of(file), nullptr, false);
+    if (!plan.is_object() || !plan.contains("runs"))
+      throw Error("bench --merge: expected " + file.string() +
+                  ", which every bench and shard writes, found " +
+                  (fs::exists(file)           ? "something else in it"
+                   : fs::is_directory(folder) ? "none; run this shard again"
+                                              : "no such folder"));
+    if (first.is_null()) {
+      first = std::move(plan);
+      continue;
+    }
+    if (const std::string what = difference(first, folders.front(), plan, folder); !what.empty())
+      throw Error("bench --merge: expected shards of one bench, found two: " + what);
+  }
+  return first;
 }
 
 std::vector<std::string> frames_to_show(const BenchJob& job, const std::string& masks_folder) {

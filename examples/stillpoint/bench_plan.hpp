@@ -41,6 +41,9 @@ struct BenchJob {
   RunSettings settings;
   /// A trajectory of another system, which is only judged; empty: a run of our own.
   std::filesystem::path estimate;
+  /// What must be equal for an old result to be taken again: settings, input files (names and
+  /// sizes), and the program itself. Filled in by add_keys().
+  nlohmann::ordered_json key;
 
   /// Where its result lives, relative to the bench's folder: runs/SEQUENCE/VARIANT[+MASKS].RUN.json
   std::filesystem::path result_file() const;
@@ -68,9 +71,16 @@ struct BenchPlan {
 /// is no sequence, or an estimate that is not NAME=FILE.
 std::vector<BenchJob> make_jobs(const BenchPlan& plan, std::vector<std::string>& notes);
 
-/// What must be equal for an old result to be taken again: settings, input files (names and sizes),
-/// and the program itself.
-nlohmann::ordered_json job_key(const BenchJob& job);
+/// Fills in the jobs' keys. Looks at each sequence once.
+void add_keys(std::vector<BenchJob>& jobs);
+
+/// What plan.json in a bench's folder holds, so that shards know what they are a part of: "shards",
+/// and "runs", each with its "file" in the folder and its "job" (the key).
+nlohmann::ordered_json make_plan(const std::vector<BenchJob>& jobs, std::size_t shards);
+
+/// The plan that all folders are a part of. Throws Error naming what differs between two of them,
+/// or the folder that has no plan.
+nlohmann::ordered_json common_plan(const std::vector<std::filesystem::path>& folders);
 
 /// Stems of the frames that a page should show: in each quarter of the sequence the one where
 /// `masks_folder` missed most of masks_gt (without masks_gt: the middle one).

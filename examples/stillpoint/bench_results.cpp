@@ -39,7 +39,7 @@ std::size_t variant_order(const std::string& name) {
       all.begin());
 }
 
-Json make_row(const std::vector<const Json*>& runs) {
+Json make_row(const std::vector<const Json*>& runs, std::size_t planned) {
   const Json& job = (*runs.front())["job"];
   const auto values = [&](std::initializer_list<const char*> keys) {
     std::vector<double> all;
@@ -57,9 +57,13 @@ Json make_row(const std::vector<const Json*>& runs) {
     else
       error = run->value("error", "no result");
   row["runs"] = finished;
+  row["runs_planned"] = planned;
   const std::vector<double> coverage = values({"coverage"});
   const double lowest = quantile(coverage, 0);
-  row["failed"] = !error.empty() ? "error" : !(lowest >= kCoverageFloor) ? "coverage" : "";
+  row["failed"] = !error.empty()                ? "error"
+                  : !(lowest >= kCoverageFloor) ? "coverage"
+                  : runs.size() < planned       ? "incomplete"
+                                                : "";
   row["coverage_min"] = lowest;
   const std::vector<double> ate = values({"evaluation", "ate_rmse_m"});
   row["ate_rmse_m"] = median(ate);
@@ -135,21 +139,40 @@ double number_at(const Json& json, const std::string& key) {
                                                      : std::numeric_limits<double>::quiet_NaN();
 }
 
-std::vector<Json> read_results(const std::vector<fs::path>& folders) {
-  std::vector<std::pair<fs::path, Json>> found;
-  for (const fs::path& folder : folders) {
-    std::error_code ignored;
-    for (const auto& entry : fs::recursive_directory_iterator(folder / "runs", ignored)) {
-      if (!entry.is_regular_file() || entry.path().extension() != ".json") continue;
-      std::ifstream in(entry.path());
+std::string runs_lacking(const Json& row) {
+  const auto runs = row["runs"].get<std::size_t>(),
+             planned = row["runs_planned"].get<std::size_t>();
+  return runs < planned ? " (" + std::to_string(runs) + " of " + std::to_string(planned) + " runs)"
+                        : "";
+}
+
+std::vector<Json> read_results(const std::vector<fs::path>& folders, const Json& plan,
+                               std::vector<std::string>& missing) {
+  std::vector<Json> results;
+  const std::size_t shards = plan["shards"];
+  std::size_t index = 0;
+  for (const Json& run : plan["runs"]) {
+    bool found = false;
+    for (const fs::path& folder : folders) {
+      const fs::path file = folder / run["file"].get<std::string>();
+      std::ifstream in(file);
+      if (!in) continue;
       Json json = Json::parse(in, nullptr, false);
       if (!json.is_object() || !json.contains("job"))
-        throw Error(entry.path().string() +
+        throw Error(file.string() +
                     ": expected the result of a run, found something else; delete it");
-      json["file"] = entry.path().string();
-      json["folder"] = entry.path().parent_path().string();
-      found.emplace_back(entry.path(), std::move(json));
+      if (json["job"] != run["job"]) continue;
+      json["folder"] = file.parent_path().string();
+      results.push_back(std::move(json));
+      found = true;
+      break;  // two shards may both hold a run, the same one
     }
+    if (!found)
+      missing.push_back(run["file"].get<std::string>() +
+                        (shards > 1 ? " (shard " + std::to_string(index % shards) + "/" +
+                                          std::to_string(shards) + ")"
+                                    : ""));
+    ++index;
   }
   const auto key = [](const Json& json) {
     const Json& job = json["job"];
@@ -162,18 +185,17 @@ std::vector<Json> read_results(const std::vector<fs::path>& folders) {
                            job.value("varied", std::string()), job.value("varied_value", 0.0),
                            label, job["run"].get<int>());
   };
-  std::sort(found.begin(), found.end(), [&](const auto& a, const auto& b) {
-    const auto ka = key(a.second), kb = key(b.second);
-    return ka != kb ? ka < kb : a.first < b.first;
-  });
-  std::vector<Json> results;
-  for (auto& [path, json] : found)
-    // Two shards may both hold a run; the first one counts.
-    if (results.empty() || key(results.back()) != key(json)) results.push_back(std::move(json));
+  std::stable_sort(results.begin(), results.end(),
+                   [&](const Json& a, const Json& b) { return key(a) < key(b); });
   return results;
 }
 
-Json make_rows(const std::vector<Json>& results) {
+Json make_rows(const std::vector<Json>& results, const Json& plan) {
+  const auto planned = [&](const Json& job) {
+    return std::count_if(plan["runs"].begin(), plan["runs"].end(), [&](const Json& run) {
+      return run["job"]["sequence"] == job["sequence"] && run["job"]["label"] == job["label"];
+    });
+  };
   Json rows = Json::array();
   for (std::size_t begin = 0; begin < results.size();) {
     std::vector<const Json*> runs;
@@ -183,7 +205,7 @@ Json make_rows(const std::vector<Json>& results) {
            results[end]["job"]["label"] == results[begin]["job"]["label"];
          ++end)
       runs.push_back(&results[end]);
-    rows.push_back(make_row(runs));
+    rows.push_back(make_row(runs, static_cast<std::size_t>(planned(runs.front()->at("job")))));
     begin = end;
   }
   mark_best(rows);
@@ -213,7 +235,7 @@ std::string rows_text(const Json& rows) {
       };
       const std::string why = row["failed"];
       failed = failed || !why.empty();
-      std::vector<std::string> cells{row["label"],
+      std::vector<std::string> cells{row["label"].get<std::string>() + runs_lacking(row),
                                      at("coverage_min", 1, 100) + " %" + (why.empty() ? "" : " !"),
                                      at("ate_rmse_m", 4) + (!why.empty()  ? " !"
                                                             : row["best"] ? " *"
@@ -250,8 +272,9 @@ std::string rows_text(const Json& rows) {
       "aside.\n";
   if (failed)
     out +=
-        "!  failed: under 95 % coverage (an error over few frames says nothing), or the run broke "
-        "off.\n";
+        "!  failed: under 95 % coverage (an error over few frames says nothing), the run broke "
+        "off, "
+        "or runs are missing.\n";
   for (const Json& row : rows)
     if (!row["error"].get<std::string>().empty())
       out += row["sequence"].get<std::string>() + ", " + row["label"].get<std::string>() + ": " +

@@ -20,25 +20,51 @@ struct EvaluateOptions {
   bool json = false;
 };
 
+/// The frames that coverage is about, and where they were found.
+struct Frames {
+  std::vector<double> times;
+  std::string source;
+};
+
+/// By the rule of `run`: the pairs of color and depth of the sequence that `list` (rgb.txt) belongs
+/// to. Where there is no such sequence, the list alone; where there is no list, a guess.
+Frames frames_of(const EvaluateOptions& options, const Trajectory& groundtruth,
+                 const Trajectory& estimate) {
+  const bool asked = !options.frames.empty();
+  const std::filesystem::path list =
+      asked ? options.frames : options.groundtruth.parent_path() / "rgb.txt";
+  if (list.filename() == "rgb.txt" && std::filesystem::exists(list)) {
+    try {
+      return {TumSequence(list.parent_path().empty() ? "." : list.parent_path()).timestamps(),
+              list.string()};
+    } catch (const Error&) {
+      // The lists without their pictures are no sequence, and tell the frames all the same.
+    }
+  }
+  if (!asked) return {guess_frames(groundtruth, estimate), ""};
+  Frames frames{{}, list.string()};
+  for (const ListedFile& f : read_file_list(list)) frames.times.push_back(f.timestamp);
+  return frames;
+}
+
 void evaluate(const EvaluateOptions& options) {
   const Trajectory groundtruth = read_trajectory(options.groundtruth);
   const Trajectory estimate = read_trajectory(options.estimate);
-  std::vector<double> frames;
-  if (options.frames.empty())
-    frames = guess_frames(groundtruth, estimate);
-  else
-    for (const ListedFile& f : read_file_list(options.frames)) frames.push_back(f.timestamp);
+  const Frames frames = frames_of(options, groundtruth, estimate);
   const Accuracy accuracy = measure_accuracy(
-      groundtruth, estimate, frames,
+      groundtruth, estimate, frames.times,
       options.rpe_seconds > 0 ? RpeSettings::over_seconds(options.rpe_seconds) : RpeSettings());
   if (options.json) {
-    std::printf("%s\n", to_json(accuracy).dump(2).c_str());
+    auto json = to_json(accuracy);
+    json["frames_from"] = frames.source.empty() ? "guess" : frames.source;
+    std::printf("%s\n", json.dump(2).c_str());
     return;
   }
   const AteResult& ate = accuracy.ate;
   const Coverage& cover = accuracy.coverage;
-  std::printf("coverage    %.1f %%  (%zu of %zu frames with ground truth have a pose)%s\n",
+  std::printf("coverage    %.1f %%  (%zu of %zu frames with ground truth have a pose%s)%s\n",
               100 * cover.share, cover.covered, cover.frames,
+              frames.source.empty() ? "; frames are guessed, --frames rgb.txt knows them" : "",
               cover.share < kCoverageFloor ? "\n            FAILED: under 95 %, so the error below "
                                              "says little about the whole sequence"
                                            : "");
@@ -64,7 +90,8 @@ void add_evaluate_command(CLI::App& app) {
       ->type_name("FILE");
   command
       ->add_option("--frames", options->frames,
-                   "rgb.txt of the sequence, for the coverage  [frames are guessed]")
+                   "rgb.txt of the sequence, for the coverage\n[beside the ground truth; "
+                   "without one frames are guessed]")
       ->type_name("FILE");
   between(command->add_option("--rpe-seconds", options->rpe_seconds,
                               "Relative error over this time  [from pose to pose]"),
@@ -81,7 +108,7 @@ benchmark defines it; RPE the relative pose error (RMSE). Coverage is the share 
 ground truth that have a pose; below 95 % an error says little.
 
 Keys of --json: ate_rmse_m ate_sd_m ate_mean_m ate_median_m ate_max_m rpe_trans_m rpe_rot_deg
-coverage (0 to 1) pairs)");
+coverage (0 to 1) pairs frames_from (a file, or guess))");
   command->callback([options] { evaluate(*options); });
 }
 

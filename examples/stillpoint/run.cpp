@@ -43,11 +43,32 @@ std::string settings_line(const RunSettings& s, bool segmenter_was_open) {
   return line + tracker;
 }
 
+/// Everything that a run may write.
+const char* const kResults[] = {"trajectory.txt", "stats.json", "map.ply", "keypoints.csv",
+                                "masks",          "overlays",   "worst"};
+
+/// Where a result stands until the run is done.
+fs::path partial(const fs::path& result) { return result.string() + ".partial"; }
+
+/// Gives a finished result its name. Of a folder each file: what else lies there stays.
+void put_in_place(const fs::path& result) {
+  const fs::path made = partial(result);
+  if (!fs::is_directory(made)) {
+    if (fs::exists(made)) fs::rename(made, result);
+    return;
+  }
+  make_folder(result);
+  for (const auto& entry : fs::directory_iterator(made))
+    fs::rename(entry.path(), result / entry.path().filename());
+  fs::remove_all(made);
+}
+
 void run(RunCommand command) {
   RunSettings& settings = command.settings;
   const bool segmenter_was_open = settings.segmenter.empty();
   // Bad input is said before anything is written.
   const TumSequence sequence = open_sequence(settings.sequence, settings.camera);
+  if (sequence.has_groundtruth()) sequence.groundtruth();
   choose_segmenter(settings);
   make_segmenter(settings, sequence);
   std::printf("%s\n", settings_line(settings, segmenter_was_open).c_str());
@@ -62,28 +83,25 @@ void run(RunCommand command) {
       fs::equivalent(command.out / "masks", settings.masks))
     throw Error("--save-masks: would overwrite the masks that are read from " +
                 settings.masks.string() + "; choose another --out");
-  // What an earlier run left must not be taken for this one's.
-  for (const char* name : {"trajectory.txt", "stats.json", "map.ply", "keypoints.csv"})
-    fs::remove(command.out / name);
-  if (command.overlay_every > 0)
-    for (const SequenceEntry& entry : sequence.entries())
-      fs::remove(command.out / "overlays" / (entry.stem + ".png"));
-  RunOutputs outputs;
-  outputs.trajectory = command.out / "trajectory.txt";
-  outputs.map_ply = command.out / "map.ply";
-  if (command.save_masks) outputs.masks_dir = command.out / "masks";
-  if (command.save_keypoints) outputs.keypoints_csv = command.out / "keypoints.csv";
-  if (command.overlay_every > 0) outputs.overlays_dir = command.out / "overlays";
-  outputs.overlay_every = command.overlay_every;
-  outputs.worst = command.worst;
-  outputs.worst_dir = command.out / "worst";
   if (command.worst > 0 && !fs::is_directory(settings.sequence / "masks_gt"))
     throw Error("--save-worst: needs " + (settings.sequence / "masks_gt").string() +
                 " to tell what is wrong");
-  if (command.worst > 0) fs::remove_all(outputs.worst_dir);
+
+  // Results are made beside those of an earlier run, and take their place when all are there.
+  for (const char* name : kResults) fs::remove_all(partial(command.out / name));
+  RunOutputs outputs;
+  outputs.keep_unfinished = true;
+  outputs.trajectory = partial(command.out / "trajectory.txt");
+  outputs.map_ply = partial(command.out / "map.ply");
+  if (command.save_masks) outputs.masks_dir = partial(command.out / "masks");
+  if (command.save_keypoints) outputs.keypoints_csv = partial(command.out / "keypoints.csv");
+  if (command.overlay_every > 0) outputs.overlays_dir = partial(command.out / "overlays");
+  outputs.overlay_every = command.overlay_every;
+  outputs.worst = command.worst;
+  outputs.worst_dir = partial(command.out / "worst");
 
   nlohmann::ordered_json stats;
-  {
+  try {
     std::unique_ptr<Progress> progress;
     stats = run_job(
         settings, outputs,
@@ -95,8 +113,21 @@ void run(RunCommand command) {
           progress.reset();
           std::fprintf(stderr, "stillpoint: warning: %s\n", note.c_str());
         });
+    write_json(partial(command.out / "stats.json"), stats);
+  } catch (const std::exception& e) {
+    if (fs::exists(outputs.trajectory))
+      throw Error(std::string(e.what()) + "; what was tracked before it is in " +
+                  outputs.trajectory.string());
+    for (const char* name : kResults) fs::remove_all(partial(command.out / name));
+    throw;
   }
-  write_json(command.out / "stats.json", stats);
+  if (command.overlay_every > 0)
+    for (const SequenceEntry& entry : sequence.entries())
+      fs::remove(command.out / "overlays" / (entry.stem + ".png"));
+  if (command.worst > 0) fs::remove_all(command.out / "worst");
+  // What an earlier run left must not be taken for this one's.
+  fs::remove(command.out / "keypoints.csv");
+  for (const char* name : kResults) put_in_place(command.out / name);
   std::printf("%swritten     %s: trajectory.txt, stats.json, map.ply%s%s%s%s\n",
               summary_text(stats).c_str(), command.out.string().c_str(),
               command.save_masks ? ", masks/" : "", command.save_keypoints ? ", keypoints.csv" : "",
@@ -194,7 +225,9 @@ a missing file that there is no result for this frame, and its masks are predict
 
 Results in DIR: trajectory.txt (TUM format: timestamp tx ty tz qx qy qz qw, seconds and metres, one
 line per tracked frame), stats.json (coverage, errors, ms per stage, status counts, settings,
-versions), map.ply (colored points of the static world), and what --save-... asks for. Overlays: kept
+versions), map.ply (colored points of the static world), and what --save-... asks for. They take the
+place of an earlier run's when the run is done; one that breaks off leaves what was tracked so far in
+trajectory.txt.partial. Overlays: kept
 keypoints green, removed ones red, the mask's edge yellow. With groundtruth.txt in SEQUENCE the error
 is computed, with masks_gt/ masks and keypoints are judged, with both the map's ghosts of people.
 --real-time-rate: the clock stands still while pictures are read and results judged (not with

@@ -157,17 +157,15 @@ class MapMaker {
   };
 
   /// `truth_dir`: masks_gt of a sequence with ground truth, to count ghosts by; empty: not at all.
-  Result make(const TumSequence& sequence, const Trajectory& trajectory,
+  Result make(const TumSequence& sequence, const Trajectory& trajectory, const Trajectory& truth,
               const fs::path& truth_dir) const {
     std::map<double, const StampedPose*> poses;
     for (const StampedPose& pose : trajectory) poses[pose.timestamp] = &pose;
     std::map<std::size_t, const Kept*> frames;
     for (const Kept& kept : kept_) frames[kept.index] = &kept;
-    Trajectory truth;
-    if (!truth_dir.empty()) truth = sequence.groundtruth();
     const std::vector<double> times = detail::timestamps_of(truth);
     const auto matches = associate(times, detail::timestamps_of(trajectory));
-    const bool judge = matches.size() >= 3;
+    const bool judge = !truth_dir.empty() && matches.size() >= 3;
     // Also frames that the map lacks: there were people too.
     if (judge)
       for (std::size_t i = 0; i < end_; i += kEvery) frames.emplace(i, nullptr);
@@ -241,6 +239,30 @@ class RecordingClock {
   bool running_ = true;
 };
 
+/// The lists rgb.txt and depth.txt go before associations.txt; one that could not be read anyway is
+/// worth a word.
+std::optional<std::string> unread_associations(const TumSequence& sequence) {
+  const fs::path file = sequence.folder() / "associations.txt";
+  if (!fs::exists(file)) return std::nullopt;
+  try {
+    read_associations(file, sequence.folder());
+    return std::nullopt;
+  } catch (const Error& e) {
+    return file.string() + " is broken, and was not read: rgb.txt and depth.txt are there (" +
+           e.what() + ")";
+  }
+}
+
+/// After a failure: writes the poses there are. That this fails too is not worth another message.
+void keep_tracked(Tracker& tracker, const fs::path& file) {
+  try {
+    tracker.finish();
+    if (const Trajectory poses = tracker.trajectory(); !poses.empty())
+      write_trajectory(file, poses);
+  } catch (const std::exception&) {
+  }
+}
+
 }  // namespace
 
 Json run_job(const RunSettings& wanted, const RunOutputs& outputs,
@@ -248,6 +270,8 @@ Json run_job(const RunSettings& wanted, const RunOutputs& outputs,
              const std::function<void(const std::string&)>& note) {
   RunSettings settings = wanted;
   const TumSequence sequence = open_sequence(settings.sequence, settings.camera);
+  // Read before the run: a broken file must not be found after hours.
+  const Trajectory groundtruth = sequence.has_groundtruth() ? sequence.groundtruth() : Trajectory();
   choose_segmenter(settings);
   const std::unique_ptr<Segmenter> segmenter =
       make_late(settings, make_segmenter(settings, sequence));
@@ -267,6 +291,8 @@ Json run_job(const RunSettings& wanted, const RunOutputs& outputs,
     say(std::to_string(sequence.missing_pictures()) +
         " listed pictures are not on the disk; their frames are left out");
 
+  if (const auto problem = unread_associations(sequence)) say(*problem);
+
   reset_peak_memory();
   Pipeline pipeline(front_end, settings.front_end, *sequence.camera(), segmenter.get(), fed);
   const fs::path truth_dir = settings.sequence / "masks_gt";
@@ -283,7 +309,7 @@ Json run_job(const RunSettings& wanted, const RunOutputs& outputs,
   };
   RecordingClock clock;
   std::size_t dropped = 0;
-  for (std::size_t i = 0; i < count; ++i) {
+  const auto run_frame = [&](std::size_t& i) {
     if (settings.real_time_rate && i > 0)
       for (; i + 1 < count && clock.is_past(time_of(i + 1)); ++i)
         ++dropped;  // a newer one is there
@@ -304,16 +330,25 @@ Json run_job(const RunSettings& wanted, const RunOutputs& outputs,
     worst.add(pipeline, frame, stem, recorder.truth(), recorder.mask_counts());
     if (with_map) map.remember(i, pipeline);
     progress(i + 1, count);
+  };
+  try {
+    for (std::size_t i = 0; i < count; ++i) run_frame(i);
+    writer.finish();
+    worst.finish();
+    if (recorder.frames() > 0 && recorder.segmenter_errors() == recorder.frames())
+      throw Error("the segmenter failed in all " + std::to_string(recorder.frames()) +
+                  " frames: " + recorder.segmenter_error());
+  } catch (const std::exception&) {
+    if (outputs.keep_unfinished) keep_tracked(*tracker, outputs.trajectory);
+    throw;
   }
-  writer.finish();
-  worst.finish();
   tracker->finish();
   const Trajectory trajectory = tracker->trajectory();
   if (!outputs.trajectory.empty()) write_trajectory(outputs.trajectory, trajectory);
   Json map_stats;
   if (with_map) {
     const auto [points, ghosts] =
-        map.make(sequence, trajectory, judge_map ? truth_dir : fs::path());
+        map.make(sequence, trajectory, groundtruth, judge_map ? truth_dir : fs::path());
     map_stats["voxels"] = points.size();
     if (ghosts) {
       map_stats["ghosts"] = ghosts->ghosts;
@@ -345,7 +380,7 @@ Json run_job(const RunSettings& wanted, const RunOutputs& outputs,
   Json series = outputs.series ? recorder.series(settings.front_end) : Json();
   if (outputs.series) add_true_blur(series, settings.sequence / "blur.csv", recorder.timestamps());
   if (sequence.has_groundtruth())
-    add_accuracy(stats, outputs.series ? &series : nullptr, sequence.groundtruth(), trajectory,
+    add_accuracy(stats, outputs.series ? &series : nullptr, groundtruth, trajectory,
                  recorder.timestamps(), say);
   recorder.summarize(stats, settings.front_end);
   if (const Json of_tracker = tracker_json(*tracker); !of_tracker.is_null())

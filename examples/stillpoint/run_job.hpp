@@ -54,6 +54,8 @@ struct RunSettings {
 struct RunOutputs {
   /// trajectory.txt (TUM format).
   std::filesystem::path trajectory;
+  /// Writes what was tracked also when the run breaks off.
+  bool keep_unfinished = false;
   std::filesystem::path map_ply, masks_dir, keypoints_csv, overlays_dir;
   /// Two small pictures of the map: behind.jpg and above.jpg.
   std::filesystem::path map_views_dir;

@@ -15,6 +15,7 @@
 #ifdef STILLPOINT_WITH_TORCHSCRIPT
 #include "stillpoint/backends/torchscript.hpp"
 #endif
+#include "stillpoint/io/mask_folder.hpp"
 #include "stillpoint/io/text_file.hpp"
 #include "stillpoint/segmentation/detection_thread.hpp"
 #include "stillpoint/testing/delayed_segmenter.hpp"
@@ -60,6 +61,16 @@ class Owning : public Segmenter {
   std::unique_ptr<Segmenter> inner_;
   Outer outer_;
 };
+
+/// A folder of something else (color pictures) is refused at once, not in each frame.
+void check_first_mask(const fs::path& folder, const TumSequence& sequence) {
+  for (std::size_t i = 0; i < sequence.size(); ++i) {
+    const fs::path file = mask_path(folder, sequence.entry(i).stem);
+    if (!fs::exists(file)) continue;
+    read_labels(file, sequence.load(i).color.size());
+    return;
+  }
+}
 
 bool is_network(const std::string& segmenter) {
   return segmenter == "opencv_dnn" || segmenter == "torchscript";
@@ -145,14 +156,24 @@ void choose_segmenter(RunSettings& settings) {
         "torchscript");
   if (settings.async && settings.latency_ms >= 0)
     throw Error("--async and --latency exclude each other: one is real, one is played");
+  if (settings.segmenter == "none" && !settings.dynamic.empty())
+    throw Error("--dynamic: only a segmenter names classes, found --segmenter none");
   dynamic_classes(settings);  // says what is wrong with them
 }
 
 std::unique_ptr<Segmenter> make_segmenter(const RunSettings& settings,
                                           const TumSequence& sequence) {
   if (settings.segmenter == "none") return nullptr;
-  if (settings.segmenter == "mask_files")
-    return std::make_unique<MaskFilesSegmenter>(settings.masks, frame_names(sequence));
+  if (settings.segmenter == "mask_files") {
+    auto segmenter = std::make_unique<MaskFilesSegmenter>(settings.masks, frame_names(sequence));
+    check_first_mask(settings.masks, sequence);
+    const std::vector<std::string> known = segmenter->classes();
+    for (const DynamicClass& c : dynamic_classes(settings))
+      if (c.name != known.front())
+        throw Error("--dynamic: mask files have no class names, everything in them is \"" +
+                    known.front() + "\"; found \"" + c.name + "\"");
+    return segmenter;
+  }
 #ifdef STILLPOINT_WITH_OPENCV_DNN
   if (settings.segmenter == "opencv_dnn") {
     OpenCvDnnSettings network;

@@ -94,6 +94,19 @@ TEST(BitMask, OfABoxHoldsItAtThePicturesWords) {
   }
 }
 
+TEST(BitMask, PacksBytesIntoOneWord) {
+  RandomGenerator random(8);
+  for (std::size_t n = 0; n <= 64; ++n) {
+    std::vector<unsigned char> bytes(n);
+    std::uint64_t expected = 0;
+    for (std::size_t i = 0; i < n; ++i) {
+      bytes[i] = static_cast<unsigned char>(random.below(2) * random.below(256));
+      expected |= std::uint64_t{bytes[i] != 0} << i;
+    }
+    EXPECT_EQ(detail::pack_word(bytes.data(), n), expected) << n;
+  }
+}
+
 TEST(BitMask, FindsDepthsInARange) {
   RandomGenerator random(6);
   // Zero, the ends of the range and those of 16 bits are the cases where arithmetic may go wrong.

@@ -245,4 +245,16 @@ TEST(Cameras, WithoutCompensationTheStatusSaysTheSame) {
   EXPECT_TRUE(front_end.stats().status & kNeverSegmented) << "history was forgotten";
 }
 
+TEST(Cameras, RefusesFramesWhoseTimesNobodySet) {
+  for (const bool compensation : {true, false}) {
+    FrontEndSettings settings;
+    settings.use_compensation = compensation;
+    FrontEnd front_end(settings);
+    RgbdFrame frame;
+    frame.color = cv::Mat(48, 64, CV_8UC3, cv::Scalar::all(90));
+    EXPECT_NO_THROW(front_end.compute_mask(frame, Segmentation()));
+    EXPECT_THROW(front_end.compute_mask(frame, Segmentation()), Error);
+  }
+}
+
 }  // namespace

@@ -807,6 +807,20 @@ TEST(SegmentationCompensator, RefusesBadInput) {
   EXPECT_ERROR(show.compensator.compensate(frame, result({})), "frame.timestamp");
 }
 
+TEST(SegmentationCompensator, RefusesFramesWhoseTimesNobodySet) {
+  Show show;
+  RgbdFrame frame = show.scene.frame(0, {});
+  EXPECT_NO_THROW(show.compensator.compensate(frame, result({}))) << "time may begin at 0";
+  EXPECT_ERROR(show.compensator.compensate(frame, result({})), "frame.timestamp", "0 twice",
+               "frame rate");
+  frame.timestamp = 1.0 / 30;
+  EXPECT_NO_THROW(show.compensator.compensate(frame, result({})));
+  EXPECT_EQ(show.compensator.status() & kTimestampOrder, 0u);
+  EXPECT_NO_THROW(show.compensator.compensate(frame, result({}))) << "a frame that comes twice";
+  frame.timestamp = 0;
+  EXPECT_NO_THROW(show.compensator.compensate(frame, result({}))) << "a sequence that begins again";
+}
+
 TEST(SegmentationCompensator, RefusesSettingsWithoutSense) {
   Settings s;
   s.area_ratio = 0;

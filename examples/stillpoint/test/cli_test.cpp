@@ -221,6 +221,41 @@ TEST_F(Cli, RunWritesWhatItSays) {
   }
 }
 
+TEST_F(Cli, RunThatBreaksOffKeepsTheLastGoodResults) {
+  fs::copy(path("walk"), path("ends"), fs::copy_options::recursive);
+  const std::string command = "run ends --out ends_out --tracker vo --save-keypoints --save-masks";
+  ASSERT_EQ(run(command).code, 0);
+  const auto contents = [] {
+    std::string all;
+    for (const char* file : {"trajectory.txt", "stats.json", "map.ply", "keypoints.csv"})
+      all += text_of(path("ends_out") / file);
+    return all + std::to_string(files_in(path("ends_out") / "masks", ".png"));
+  };
+  const std::string good = contents();
+  std::vector<fs::path> pictures;
+  for (const auto& entry : fs::directory_iterator(path("ends") / "rgb"))
+    pictures.push_back(entry.path());
+  std::sort(pictures.begin(), pictures.end());
+  fs::resize_file(pictures.back(), 0);
+  expect_error(command, 1, "what was tracked before it is in ends_out/trajectory.txt.partial");
+  EXPECT_EQ(contents(), good);
+  EXPECT_EQ(read_trajectory(path("ends_out") / "trajectory.txt.partial").size(), 11u);
+
+  // The next run that ends well clears up.
+  fs::copy(path("walk") / "rgb" / pictures.back().filename(), pictures.back(),
+           fs::copy_options::overwrite_existing);
+  ASSERT_EQ(run("run ends --out ends_out --tracker vo --frames 6").code, 0);
+  EXPECT_EQ(read_trajectory(path("ends_out") / "trajectory.txt").size(), 6u);
+  EXPECT_FALSE(fs::exists(path("ends_out") / "keypoints.csv")) << "not this run's";
+  for (const auto& entry : fs::directory_iterator(path("ends_out")))
+    EXPECT_NE(entry.path().extension(), ".partial") << entry.path();
+
+  // A broken ground truth is found before a frame is tracked.
+  std::ofstream(path("ends") / "groundtruth.txt") << "1.0 nothing\n";
+  expect_error("run ends --out ends_late", 1, "groundtruth.txt");
+  EXPECT_FALSE(fs::exists(path("ends_late")));
+}
+
 TEST_F(Cli, SameInputGivesTheSameBytes) {
   for (const char* out : {"one", "two"})
     ASSERT_EQ(run("run walk --save-masks --save-keypoints --out " + std::string(out)).code, 0);
@@ -352,6 +387,38 @@ TEST_F(Cli, EvaluatePrintsItsKeys) {
   EXPECT_NE(cut.out.find("FAILED"), std::string::npos) << cut.out;
 }
 
+TEST_F(Cli, EvaluateAndRunAgreeOnTheCoverage) {
+  // A camera that dropped two frames, and one color picture without depth: neither is lost track.
+  fs::copy(path("walk"), path("gaps"), fs::copy_options::recursive);
+  fs::remove(path("gaps") / "associations.txt");
+  const auto shorten = [&](const char* list, std::vector<int> dropped) {
+    std::istringstream in(text_of(path("walk") / list));
+    std::ofstream out(path("gaps") / list, std::ios::binary);
+    int frame = 0;
+    for (std::string line; std::getline(in, line);)
+      if (line[0] == '#' || std::find(dropped.begin(), dropped.end(), frame++) == dropped.end())
+        out << line << "\n";
+  };
+  shorten("rgb.txt", {4, 5});
+  shorten("depth.txt", {4, 5, 8});
+  ASSERT_EQ(run("run gaps --out gaps_out --tracker vo").code, 0);
+  const Json stats = json_of(path("gaps_out") / "stats.json");
+  EXPECT_EQ(stats["coverage"], 1.0);
+  const std::string files =
+      "evaluate --json --groundtruth gaps/groundtruth.txt --estimate gaps_out/trajectory.txt";
+  for (const char* frames : {"", " --frames gaps/rgb.txt"}) {
+    const Result r = run(files + frames);
+    ASSERT_EQ(r.code, 0) << r.err;
+    EXPECT_EQ(Json::parse(r.out)["coverage"], stats["coverage"]) << frames;
+    EXPECT_EQ(Json::parse(r.out)["frames_from"], "gaps/rgb.txt") << frames;
+  }
+  // Nothing but trajectories: a guess, said to be one.
+  fs::copy(path("gaps") / "groundtruth.txt", path("alone.txt"));
+  EXPECT_NE(run("evaluate --groundtruth alone.txt --estimate gaps_out/trajectory.txt")
+                .out.find("frames are guessed"),
+            std::string::npos);
+}
+
 TEST_F(Cli, SegmentCopiesMasksInItsFormat) {
   const Result r = run("segment walk --masks walk/masks_gt --out seg");
   ASSERT_EQ(r.code, 0) << r.err;
@@ -460,6 +527,40 @@ TEST_F(Cli, TorchScriptIsRunOrNamed) {
   EXPECT_FALSE(fs::exists(path("net")));
 }
 
+TEST_F(Cli, FoldersAndFilesOfAnotherKindAreSaid) {
+  expect_error("run walk --out kinds --masks walk/rgb", 1, "expected one channel of 8 bits");
+  EXPECT_FALSE(fs::exists(path("kinds")));
+  expect_error("bench walk --out kinds --masks-folder maks", 1, "found no \"maks\"");
+  expect_error("synth other --size 16x16", 1,
+               "SyntheticSettings.width: expected 32 to 8192, found");
+
+  fs::copy(path("walk"), path("garbage"), fs::copy_options::recursive);
+  std::ofstream(path("garbage") / "associations.txt") << "garbage\n";
+  const Result r = run("run garbage --out kinds --tracker vo --frames 3");
+  EXPECT_EQ(r.code, 0);
+  EXPECT_NE(r.err.find("associations.txt is broken"), std::string::npos) << r.err;
+
+  // Every mask but the first is none: that is said in the end, and is no success if it is all.
+  fs::copy(path("walk"), path("later"), fs::copy_options::recursive);
+  std::vector<fs::path> masks;
+  for (const auto& entry : fs::directory_iterator(path("later") / "masks"))
+    masks.push_back(entry.path());
+  std::sort(masks.begin(), masks.end());
+  for (std::size_t i = 1; i < masks.size(); ++i) fs::resize_file(masks[i], 20);
+  const Result most = run("run later --out kinds --tracker vo --frames 3");
+  EXPECT_EQ(most.code, 0) << most.err;
+  EXPECT_NE(most.err.find("failed in 2 frames"), std::string::npos) << most.err;
+}
+
+TEST_F(Cli, ClassesThatNoSourceKnowsAreRefused) {
+  expect_error("run walk --out classes --dynamic persn", 1, "found \"persn\"");
+  expect_error("run walk --out classes --dynamic person,chair=0.5", 1, "found \"chair\"");
+  expect_error("segment walk --out classes --masks walk/masks_gt --dynamic persn", 1, "\"person\"");
+  expect_error("run walk --out classes --segmenter none --dynamic persn", 1, "--segmenter none");
+  EXPECT_FALSE(fs::exists(path("classes")));
+  EXPECT_EQ(run("run walk --out classes --tracker vo --frames 3 --dynamic person=0.9").code, 0);
+}
+
 TEST_F(Cli, NetworksSegment) {
   const std::string graphs = STILLPOINT_TEST_GRAPHS;
   if (!fs::exists(graphs + "/fastestdet.onnx")) GTEST_SKIP() << "no graphs in " << graphs;
@@ -529,6 +630,44 @@ TEST_F(Cli, BenchShardsAreMerged) {
   ASSERT_EQ(rows.size(), 2u);
   for (const Json& row : rows) EXPECT_EQ(row["runs"], 2);
   EXPECT_TRUE(fs::exists(path("merged") / "index.html"));
+
+  // A run that is missing is named with its shard, and merged without only if told so.
+  fs::remove(path("s1") / "runs/walk/off.1.json");
+  expect_error("bench --merge s0 s1 --out lacking", 1, "1 of 4 runs are missing: runs/walk/off.1");
+  expect_error("bench --merge s0 --out lacking", 1, "(shard 1/2)");
+  EXPECT_FALSE(fs::exists(path("lacking")));
+  const Result part = run("bench --merge s0 s1 --partial --out lacking");
+  ASSERT_EQ(part.code, 0) << part.err;
+  EXPECT_NE(part.out.find("front end off (1 of 2 runs)"), std::string::npos) << part.out;
+  EXPECT_NE(part.out.find("incomplete: 1 of 4 runs"), std::string::npos) << part.out;
+  EXPECT_NE(text_of(path("lacking") / "index.html").find("(1 of 2 runs)"), std::string::npos);
+  for (const Json& row : json_of(path("lacking") / "results.json")["rows"]) {
+    EXPECT_EQ(row["failed"], row["variant"] == "off" ? "incomplete" : "");
+    EXPECT_EQ(row["runs_planned"], 2);
+  }
+  expect_error("bench walk --partial --out lacking", 2, "--merge");
+}
+
+TEST_F(Cli, BenchMergesNoMixture) {
+  const std::string command = "bench walk --tracker vo --frames 4 --variants off --runs 2 --shard ";
+  for (const char* shard : {"0/2 --out mix0", "1/2 --out mix1"})
+    ASSERT_EQ(run(command + shard).code, 0) << shard;
+  ASSERT_EQ(run("bench walk --tracker vo --frames 4 --variants off --runs 2 --features 300 "
+                "--shard 0/2 --out mix_stale")
+                .code,
+            0);
+  ASSERT_EQ(run("bench walk --tracker vo --frames 4 --variants off --runs 1 --out mix_short").code,
+            0);
+  for (const char* folders : {"mix_stale mix0 mix1", "mix0 mix1 mix_stale"})
+    expect_error("bench --out mixed --merge " + std::string(folders), 1, "features of runs/walk/");
+  expect_error("bench --merge mix0 mix1 mix_short --out mixed", 1, "off.1.json");
+  fs::create_directories(path("mix_none"));
+  expect_error("bench --merge mix0 mix1 mix_none --out mixed", 1, "mix_none/plan.json");
+  EXPECT_FALSE(fs::exists(path("mixed")));
+  // The results of an earlier bench in a shard's folder are none of this one.
+  fs::copy(path("mix_stale") / "runs/walk/off.0.json", path("mix0") / "runs/walk/off.0.json",
+           fs::copy_options::overwrite_existing);
+  expect_error("bench --merge mix0 mix1 --out mixed", 1, "missing: runs/walk/off.0.json");
 }
 
 TEST_F(Cli, BenchJudgesOtherSystemsByTheSameRules) {

@@ -95,6 +95,15 @@ inline void or_bytes(const unsigned char* bytes, std::size_t n, std::size_t x, s
   for (; i < n; ++i) or_bits(bytes[i] != 0, x + i, row);
 }
 
+/// n mask bytes (not 0: set; at most 64) as the bits of a word.
+inline std::uint64_t pack_word(const unsigned char* bytes, std::size_t n) {
+  std::uint64_t word = 0;
+  std::size_t i = 0;
+  for (; i + 16 <= n; i += 16) word |= pack_16(bytes + i) << i;
+  for (; i < n; ++i) word |= std::uint64_t{bytes[i] != 0} << i;
+  return word;
+}
+
 /// Sets n pixels of a row from x on.
 inline void fill_bits(std::size_t x, std::size_t n, std::uint64_t* row) {
   for (const std::size_t end = x + n; x < end;) {

@@ -56,6 +56,16 @@ inline std::string type_text(const cv::Mat& m) {
   return "CV_" + std::string(names[m.depth()]) + "C" + std::to_string(m.channels());
 }
 
+/// Throws Error if the time of two frames in a row is 0: nobody set it, and history would be
+/// forgotten in each frame.
+inline void check_time_is_set(double last_s, double now_s) {
+  check(last_s != 0 || now_s != 0, [] {
+    return std::string(
+        "frame.timestamp: expected seconds that grow from frame to frame, found 0 twice in a row; "
+        "set it to the camera's time, or to the frame's number divided by the frame rate");
+  });
+}
+
 }  // namespace detail
 
 /// Throws Error unless the frame has the shape and coding written at RgbdFrame. O(1).

@@ -23,7 +23,7 @@ struct Instance {
   cv::Rect box;
   /// CV_8UC1 of the box's size, 255 = object, 0 = not. Empty: only the box is known, and the depth
   /// fusion carves the object out of it.
-  cv::Mat mask;
+  cv::Mat mask{};
   /// Distance at which the object is expected, metres; 0: not known. Segmenters leave it alone, the
   /// compensator fills it in for objects that it remembers.
   float depth_m = 0;
@@ -31,7 +31,7 @@ struct Instance {
   /// Segmenters leave it alone, the compensator fills it in.
   bool predicted = false;
   /// Motion blur in the frame. Segmenters leave it alone, the front end fills it in.
-  Blur blur;
+  Blur blur{};
 };
 
 /// What a segmenter says of one frame.
@@ -43,7 +43,7 @@ struct Segmentation {
   /// Timestamp of the frame that was segmented, seconds; NaN: of the frame that it is given with.
   /// An earlier frame's masks are predicted forward.
   double timestamp = std::numeric_limits<double>::quiet_NaN();
-  std::vector<Instance> instances;
+  std::vector<Instance> instances{};
 };
 
 /// Smallest box around the non-zero pixels of an 8-bit mask; empty if there are none. O(pixels).

@@ -7,6 +7,18 @@
 
 namespace stillpoint {
 
+namespace detail {
+
+/// Whether a type has members x and y that are numbers.
+template <class Keypoint, class = void>
+struct HasXy : std::false_type {};
+template <class Keypoint>
+struct HasXy<Keypoint, std::void_t<decltype(static_cast<float>(std::declval<const Keypoint&>().x)),
+                                   decltype(static_cast<float>(std::declval<const Keypoint&>().y))>>
+    : std::true_type {};
+
+}  // namespace detail
+
 /// How the library reads a host's keypoint: pixel coordinates x (right) and y (down).
 ///
 /// Works for anything with members `x` and `y`, and for cv::KeyPoint. Specialise it for another
@@ -18,8 +30,22 @@ namespace stillpoint {
 ///     };
 template <class Keypoint>
 struct KeypointTraits {
-  static float x(const Keypoint& k) { return static_cast<float>(k.x); }
-  static float y(const Keypoint& k) { return static_cast<float>(k.y); }
+  static constexpr bool kHasXy = detail::HasXy<Keypoint>::value;
+  static_assert(
+      kHasXy,
+      "Stillpoint cannot read this keypoint: it expects members x and y, in pixels. For a "
+      "keypoint of your own specialize stillpoint::KeypointTraits with x(k) and y(k); "
+      "docs/conventions.md shows it.");
+
+  // Nothing more is said of a keypoint that has none.
+  static float x(const Keypoint& k) {
+    if constexpr (kHasXy) return static_cast<float>(k.x);
+    return 0;
+  }
+  static float y(const Keypoint& k) {
+    if constexpr (kHasXy) return static_cast<float>(k.y);
+    return 0;
+  }
 };
 
 template <>

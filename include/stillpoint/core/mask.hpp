@@ -22,7 +22,9 @@ struct DynamicMask {
   cv::Mat static_image() const { return image == 0; }
   /// True where the pixel nearest to (x, y) is dynamic; false outside the picture and for NaN.
   bool dynamic_at(float x, float y) const {
-    if (!(x >= -0.5f && y >= -0.5f && x < image.cols - 0.5f && y < image.rows - 0.5f)) return false;
+    if (!(x >= -0.5f && y >= -0.5f && x < static_cast<float>(image.cols) - 0.5f &&
+          y < static_cast<float>(image.rows) - 0.5f))
+      return false;
     return image.at<uchar>(static_cast<int>(y + 0.5f), static_cast<int>(x + 0.5f)) != 0;
   }
   /// Share of dynamic pixels, 0 to 1. O(pixels).

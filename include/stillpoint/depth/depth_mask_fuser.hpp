@@ -169,8 +169,7 @@ class DepthMaskFuser {
       for (int x = dilation_.left(); x < grown.x + grown.width; x += 64, ++row) {
         if (*row == 0) continue;
         const std::size_t n = static_cast<std::size_t>(std::min(64, one_.size().width - x));
-        std::uint64_t before = 0;
-        detail::or_bytes(to + x, n, 0, &before);
+        const std::uint64_t before = detail::pack_word(to + x, n);
         const std::uint64_t added = *row & ~before;
         if (added == 0) continue;
         detail::unpack_word(before | added, n, to + x);

@@ -152,7 +152,9 @@ class TumSequence {
     detail::check(!entries_.empty(), [&] {
       return "sequence " + folder_.string() + ": expected color and depth timestamps less than " +
              std::to_string(settings_.max_difference_s) +
-             " s apart, found no such pair; give an associations file or a larger difference";
+             " s apart, found no such pair; are rgb.txt and depth.txt of one recording and one "
+             "clock? An "
+             "associations.txt in place of depth.txt says what belongs together";
     });
     leave_out_missing();
     if (settings_.camera)

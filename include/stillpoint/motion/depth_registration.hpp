@@ -133,7 +133,8 @@ class DepthRegistration {
     error_.push_back(error);
     weight_.push_back(near * near * point.area / (sigma * sigma));
     Vector6f J;
-    J << in_camera, point.p.cross(in_camera);
+    J.head<3>() = in_camera;
+    J.tail<3>() = point.p.cross(in_camera);
     slopes_.push_back(J);
   }
 

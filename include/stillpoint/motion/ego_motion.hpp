@@ -72,6 +72,7 @@ class EgoMotion {
   void track(FrameContext& context, const std::optional<Eigen::Isometry3d>& host) {
     status_ = kOk;
     const double now_s = context.frame.timestamp;
+    detail::check_time_is_set(last_s_, now_s);
     if (now_s <= last_s_) {
       reset();
       status_ |= kTimestampOrder;

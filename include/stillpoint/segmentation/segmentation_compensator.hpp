@@ -160,6 +160,7 @@ class SegmentationCompensator {
 
   void begin(const FrameContext& context, const Segmentation& segmentation) {
     const RgbdFrame& frame = context.frame;
+    detail::check_time_is_set(last_s_, frame.timestamp);
     status_ = kOk;
     restored_ = 0;
     // A depth image that is black all over tells no more than none at all.

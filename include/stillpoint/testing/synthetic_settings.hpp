@@ -4,6 +4,7 @@
 #include <Eigen/Geometry>
 #include <cstdint>
 #include <opencv2/core.hpp>
+#include <sstream>
 #include <string>
 #include <vector>
 
@@ -78,8 +79,10 @@ namespace synthetic {
 inline SyntheticSettings checked_settings(SyntheticSettings s) {
   const auto in_range = [](const char* name, double value, double low, double high) {
     detail::check(value >= low && value <= high, [&] {
-      return std::string("SyntheticSettings.") + name + ": expected " + std::to_string(low) +
-             " to " + std::to_string(high) + ", found " + std::to_string(value);
+      std::ostringstream text;
+      text << "SyntheticSettings." << name << ": expected " << low << " to " << high << ", found "
+           << value;
+      return text.str();
     });
   };
   in_range("people", s.people, 0, s.movers > 0 ? 18 : kMostPeople);

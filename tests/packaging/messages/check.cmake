@@ -1,8 +1,9 @@
 # What find_package says of components that cannot be had.
 
-# Configures the project; the output must match each of EXPECTED and none of UNEXPECTED.
+# Configures the project; the output must match each of EXPECTED, of ONCE
+# one time, and none of UNEXPECTED.
 function(configure name succeeds)
-  cmake_parse_arguments(ARG "" "" "OPTIONS;EXPECTED;UNEXPECTED" ${ARGN})
+  cmake_parse_arguments(ARG "" "" "OPTIONS;EXPECTED;ONCE;UNEXPECTED" ${ARGN})
   file(REMOVE_RECURSE ${BINARY}/${name})
   execute_process(
     COMMAND ${CMAKE_COMMAND} -G ${GENERATOR} -S ${PROJECT} -B ${BINARY}/${name}
@@ -18,6 +19,13 @@ function(configure name succeeds)
       message(FATAL_ERROR "${name}: expected '${text}' in\n${output}")
     endif()
   endforeach()
+  foreach(text IN LISTS ARG_ONCE)
+    string(FIND "${output}" "${text}" first)
+    string(FIND "${output}" "${text}" last REVERSE)
+    if(first EQUAL -1 OR NOT first EQUAL last)
+      message(FATAL_ERROR "${name}: expected '${text}' once in\n${output}")
+    endif()
+  endforeach()
   foreach(text IN LISTS ARG_UNEXPECTED)
     string(FIND "${output}" "${text}" at)
     if(NOT at EQUAL -1)
@@ -30,6 +38,13 @@ configure(unknown OFF OPTIONS -DCOMPONENT=nonsense
           EXPECTED "there is no component 'nonsense'; installed are: core io")
 configure(no_opencv OFF OPTIONS -DCOMPONENT=core -DCMAKE_DISABLE_FIND_PACKAGE_OpenCV=ON
           EXPECTED "component 'core' needs OpenCV core imgproc" "apt-get install libopencv-dev")
+# What several components lack is said once.
+configure(no_opencv_for_io OFF OPTIONS -DCOMPONENT=io -DCMAKE_DISABLE_FIND_PACKAGE_OpenCV=ON
+          EXPECTED "component 'core' needs OpenCV" ONCE "needs OpenCV core imgproc,")
+if(EXISTS ${PREFIX}/include/stillpoint/backends/flann_neighbor_search.hpp)
+  configure(no_flann OFF OPTIONS -DCOMPONENT=flann -DCMAKE_DISABLE_FIND_PACKAGE_StillpointFlann=ON
+            EXPECTED "component 'flann' needs Flann, which was not found" UNEXPECTED "StillpointFlann,")
+endif()
 if(EXISTS ${PREFIX}/include/stillpoint/backends/nanoflann_neighbor_search.hpp)
   set(without -DCMAKE_DISABLE_FIND_PACKAGE_nanoflann=ON)
   configure(missing OFF OPTIONS -DCOMPONENT=nanoflann ${without}

@@ -97,6 +97,9 @@ class MaskFilesSegmenter : public Segmenter {
     sort();
   }
 
+  /// Files have no class names: everything in them is of the one in the settings.
+  std::vector<std::string> classes() const override { return {settings_.class_name}; }
+
   /// Number of frames that have a mask file.
   std::size_t masks() const { return present_; }
 
