@@ -9,12 +9,19 @@ namespace stillpoint {
 
 namespace detail {
 
+// Hosts' compilers may know no more than C++11.
+template <class...>
+struct VoidOf {
+  using type = void;
+};
+
 /// Whether a type has members x and y that are numbers.
 template <class Keypoint, class = void>
 struct HasXy : std::false_type {};
 template <class Keypoint>
-struct HasXy<Keypoint, std::void_t<decltype(static_cast<float>(std::declval<const Keypoint&>().x)),
-                                   decltype(static_cast<float>(std::declval<const Keypoint&>().y))>>
+struct HasXy<Keypoint,
+             typename VoidOf<decltype(static_cast<float>(std::declval<const Keypoint&>().x)),
+                             decltype(static_cast<float>(std::declval<const Keypoint&>().y))>::type>
     : std::true_type {};
 
 }  // namespace detail
@@ -30,20 +37,32 @@ struct HasXy<Keypoint, std::void_t<decltype(static_cast<float>(std::declval<cons
 ///     };
 template <class Keypoint>
 struct KeypointTraits {
-  static constexpr bool kHasXy = detail::HasXy<Keypoint>::value;
+  using Readable = detail::HasXy<Keypoint>;
   static_assert(
-      kHasXy,
+      Readable::value,
       "Stillpoint cannot read this keypoint: it expects members x and y, in pixels. For a "
       "keypoint of your own specialize stillpoint::KeypointTraits with x(k) and y(k); "
       "docs/conventions.md shows it.");
 
+  static float x(const Keypoint& k) { return x_of(k, Readable()); }
+  static float y(const Keypoint& k) { return y_of(k, Readable()); }
+
+ private:
+  template <class K>
+  static float x_of(const K& k, std::true_type) {
+    return static_cast<float>(k.x);
+  }
+  template <class K>
+  static float y_of(const K& k, std::true_type) {
+    return static_cast<float>(k.y);
+  }
   // Nothing more is said of a keypoint that has none.
-  static float x(const Keypoint& k) {
-    if constexpr (kHasXy) return static_cast<float>(k.x);
+  template <class K>
+  static float x_of(const K&, std::false_type) {
     return 0;
   }
-  static float y(const Keypoint& k) {
-    if constexpr (kHasXy) return static_cast<float>(k.y);
+  template <class K>
+  static float y_of(const K&, std::false_type) {
     return 0;
   }
 };
