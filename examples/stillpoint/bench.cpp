@@ -326,9 +326,10 @@ void add_bench_command(CLI::App& app) {
           50, 100000);
   between(command->add_option("--frames", plan.common.frames, "Only the first N frames  [all]"), 1,
           1000000);
+  add_front_end_options(command, plan.common);
   command
       ->add_option("--vary", plan.vary,
-                   "Also the default preset with one setting changed: dilation_px=0,5,10,20")
+                   "Also the preset of `run` with one setting changed: dilation_px=0,5,10,20")
       ->allow_extra_args(false)
       ->type_name("NAME=N,...");
   command

@@ -7,6 +7,7 @@
 #include <opencv2/imgcodecs.hpp>
 #include <set>
 
+#include "front_end_options.hpp"
 #include "stillpoint/core/error.hpp"
 #include "stillpoint/io/text_file.hpp"
 #include "stillpoint/version.hpp"
@@ -143,6 +144,7 @@ std::vector<Variant> varied(const std::string& text) {
     Variant v;
     v.name = name + "=" + word;
     v.label = "  " + name + " = " + word;
+    v.preset = "motion";
     v.varied = name;
     v.varied_value = *value;
     FrontEndSettings settings;
@@ -258,6 +260,8 @@ Json job_key(const BenchJob& job, const std::string& masks, const std::string& i
           {"without", s.without},
           {"varied", s.varied},
           {"varied_value", s.varied_value},
+          {"sensor", s.sensor},
+          {"changed", s.changed},
           {"segmenter", s.segmenter},
           {"tracker", s.tracker},
           {"features", s.features},

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "front_end_options.hpp"
 #include "run_job.hpp"
 
 namespace stillpoint::cli {
@@ -26,6 +27,28 @@ CLI::Option* between(CLI::Option* option, Number least, Number most, const char*
   CLI::Range range(least, most);
   range.description("");
   return option->check(range)->type_name(unit);
+}
+
+/// The options that `run` and `bench` share: what the front end is to be like.
+inline void add_front_end_options(CLI::App* command, RunSettings& s) {
+  choices(command->add_option("--sensor", s.sensor, "What the depth is worth  [kinect_v1]"),
+          sensor_names());
+  command
+      ->add_option("--set", s.changed,
+                   "Another value for a setting: depth.dilation_px=5; may be given again")
+      ->allow_extra_args(false)
+      ->check(CLI::Validator(
+          [](std::string& text) {
+            FrontEndSettings settings;
+            try {
+              change_setting(settings, text);
+            } catch (const Error& error) {
+              return std::string(error.what());
+            }
+            return std::string();
+          },
+          ""))
+      ->type_name("NAME=N");
 }
 
 /// The options that `run` and `segment` share: where pictures and masks come from.

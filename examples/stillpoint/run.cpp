@@ -30,6 +30,7 @@ std::string settings_line(const RunSettings& s, bool segmenter_was_open) {
     return "front end off: every keypoint goes to the tracker" + tracker;
   }
   std::string line = "front end on, preset " + s.preset;
+  for (const std::string& text : s.changed) line += ", " + text;
   for (const std::string& stage : s.without) line += ", without " + stage;
   line += "; segmenter " + s.segmenter;
   if (s.segmenter == "mask_files") line += " (" + s.masks.string() + ")";
@@ -156,6 +157,7 @@ void add_run_command(CLI::App& app) {
               "--front-end", [&s](const std::string& value) { s.front_end = value == "on"; },
               "off: the tracker alone, for comparison  [on]"),
           {"on", "off"});
+  add_front_end_options(command, s);
   choices(command->add_option("--without", s.without, "Leave a stage out; may be given again"),
           {"compensation", "depth", "probability", "motion", "prediction", "loop_closing"})
       ->allow_extra_args(false);

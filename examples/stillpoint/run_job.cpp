@@ -21,7 +21,8 @@
 //                     (the latter on keypoints of the whole picture)
 //   times_ms          per stage: median, p95, max
 //   status            how many frames had which status bit
-//   settings, camera, versions, machine, peak_memory_mb
+//   settings          what was asked for; all: each setting of the front end by its path
+//   camera, versions, machine, peak_memory_mb
 //   notes             what the user should know (wrong depth factor, frames left out)
 #include "run_job.hpp"
 
@@ -37,6 +38,7 @@
 
 #include "accuracy.hpp"
 #include "bench_results.hpp"
+#include "front_end_options.hpp"
 #include "map_view.hpp"
 #include "run_recorder.hpp"
 #include "statistics.hpp"
@@ -82,17 +84,9 @@ Json settings_json(const RunSettings& s, const FrontEndSettings& f) {
           {"features", s.features},
           {"seed", s.seed},
           {"dynamic_classes", classes},
-          {"dilation_px", f.depth.dilation_px},
-          {"range_m", f.depth.range_m},
-          {"cell_px", f.depth.cell_px},
-          {"dilation_per_blur_px", f.depth.dilation_per_blur_px},
-          {"sharp_px", f.compensation.sharp_px},
-          {"exposure_s", f.blur.exposure_s},
-          {"radius_px", f.probability.radius_px},
-          {"weight", f.probability.weight},
-          {"decay_per_px", f.probability.decay_per_px},
-          {"threshold", f.probability.threshold},
-          {"min_kept", f.probability.min_kept}};
+          {"sensor", s.sensor.empty() ? "preset" : s.sensor},
+          {"changed", s.changed},
+          {"all", all_settings(f)}};
 }
 
 Json camera_json(const Camera& c) {

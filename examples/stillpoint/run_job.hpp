@@ -42,7 +42,11 @@ struct RunSettings {
   int features = 0;
   /// First frames only; 0: all.
   std::size_t frames = 0;
-  /// One setting of the preset changed (see change_setting()); empty: none.
+  /// The sensor's model (see sensor_names()); empty: the preset's.
+  std::string sensor;
+  /// NAME=VALUE: settings of the preset changed.
+  std::vector<std::string> changed;
+  /// One more setting changed (see change_setting()); empty: none.
   std::string varied;
   double varied_value = 0;
   /// 0: the presets' own seeds; any other value is added to them, and a hundredth of the kept

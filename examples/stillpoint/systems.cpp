@@ -6,6 +6,7 @@
 #include <type_traits>
 #include <utility>
 
+#include "front_end_options.hpp"
 #include "stillpoint/backends/mask_files.hpp"
 #ifdef STILLPOINT_WITH_OPENCV_DNN
 #include "stillpoint/backends/opencv_dnn/segmenter.hpp"
@@ -234,40 +235,6 @@ std::unique_ptr<Tracker> make_tracker(const RunSettings& settings, const Camera&
               settings.tracker + "\"");
 }
 
-void change_setting(FrontEndSettings& settings, const std::string& name, double value) {
-  std::string names;
-  bool found = false;
-  const auto offer = [&](const char* offered, auto& member) {
-    names += (names.empty() ? "" : ", ") + std::string(offered);
-    if (name != offered) return;
-    found = true;
-    using Member = std::decay_t<decltype(member)>;
-    member = static_cast<Member>(std::is_integral_v<Member> ? std::round(value) : value);
-  };
-  offer("area_ratio", settings.compensation.area_ratio);
-  offer("history", settings.compensation.history);
-  offer("search_px", settings.compensation.search_px);
-  offer("min_depth_support", settings.compensation.min_depth_support);
-  offer("max_restored_frames", settings.compensation.max_restored_frames);
-  offer("sharp_px", settings.compensation.sharp_px);
-  offer("max_prediction_s", settings.compensation.max_prediction_s);
-  offer("max_unnamed_s", settings.compensation.max_unnamed_s);
-  offer("cell_px", settings.depth.cell_px);
-  offer("range_m", settings.depth.range_m);
-  offer("growth_m", settings.depth.growth_m);
-  offer("dilation_px", settings.depth.dilation_px);
-  offer("dilation_per_blur_px", settings.depth.dilation_per_blur_px);
-  offer("exposure_s", settings.blur.exposure_s);
-  offer("radius_px", settings.probability.radius_px);
-  offer("weight", settings.probability.weight);
-  offer("decay_per_px", settings.probability.decay_per_px);
-  offer("threshold", settings.probability.threshold);
-  offer("min_kept", settings.probability.min_kept);
-  offer("min_moved_cells", settings.motion.movers.min_moved_cells);
-  offer("min_moved_share", settings.motion.movers.min_moved_share);
-  if (!found) throw Error("--vary: expected one of " + names + "; found \"" + name + "\"");
-}
-
 nlohmann::ordered_json tracker_json(const Tracker& tracker) {
   const auto* slam = dynamic_cast<const rgbd_slam::SlamSystem*>(&tracker);
   if (!slam) return {};
@@ -280,6 +247,9 @@ FrontEndSettings front_end_settings(const RunSettings& settings) {
   FrontEndSettings front_end = settings.preset == "paper"    ? FrontEndSettings::paper()
                                : settings.preset == "motion" ? FrontEndSettings::with_motion()
                                                              : FrontEndSettings();
+  if (!settings.sensor.empty()) front_end.sensor = sensor_of(settings.sensor);
+  for (const std::string& text : settings.changed) change_setting(front_end, text);
+  if (!settings.varied.empty()) change_setting(front_end, settings.varied, settings.varied_value);
   for (const std::string& stage : settings.without) {
     if (stage == "compensation") front_end.use_compensation = false;
     if (stage == "depth") front_end.use_depth = false;
@@ -287,7 +257,6 @@ FrontEndSettings front_end_settings(const RunSettings& settings) {
     if (stage == "motion") front_end.use_motion = false;
     if (stage == "prediction") front_end.late.predict = false;
   }
-  if (!settings.varied.empty()) change_setting(front_end, settings.varied, settings.varied_value);
   front_end.depth.seed += settings.seed;
   front_end.dynamic_classes = dynamic_classes(settings);
   return front_end;

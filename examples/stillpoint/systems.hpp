@@ -32,14 +32,10 @@ std::vector<DynamicClass> dynamic_classes(const RunSettings& settings);
 
 std::unique_ptr<Tracker> make_tracker(const RunSettings& settings, const Camera& camera);
 
-/// Changes one setting by its name in the settings' headers ("dilation_px"). Throws Error for a
-/// name that is none of them, and lists them.
-void change_setting(FrontEndSettings& settings, const std::string& name, double value);
-
 /// What stats.json says of the tracker: loops_closed, keyframes, map_points; null if it keeps none.
 nlohmann::ordered_json tracker_json(const Tracker& tracker);
 
-/// The preset with what was left out; the seed is added to those of the preset.
+/// The preset with what was changed and left out; the seed is added to those of the preset.
 FrontEndSettings front_end_settings(const RunSettings& settings);
 
 }  // namespace stillpoint::cli

@@ -170,6 +170,32 @@ TEST_F(Cli, BadInputIsNamed) {
   expect_error("run cut --out out", 1, "truncated");
 }
 
+TEST_F(Cli, SettingsAreChangedByTheirNames) {
+  const auto settings = [&](const std::string& options) {
+    const Result r = run("run walk --out changed --tracker vo --frames 3 " + options);
+    EXPECT_EQ(r.code, 0) << r.err;
+    return json_of(path("changed") / "stats.json")["settings"];
+  };
+  const Json plain = settings("");
+  EXPECT_EQ(plain["all"]["depth.dilation_px"], 10);
+  EXPECT_EQ(plain["all"]["use_motion"], true);
+  const Json changed =
+      settings("--sensor realsense_d400 --set dilation_px=3 --set late.predict=false");
+  EXPECT_EQ(changed["all"]["depth.dilation_px"], 3);
+  EXPECT_EQ(changed["all"]["late.predict"], false);
+  EXPECT_EQ(changed["all"]["sensor.max_range_m"], 3);
+  EXPECT_EQ(changed["changed"], Json({"dilation_px=3", "late.predict=false"}));
+
+  const std::string start = "run walk --out b --set ";
+  expect_error(start + "dilaton_px=3", 2, "nearest is depth.dilation_px");
+  expect_error(start + "growth_m=3", 2, "depth.growth_m and motion.movers.growth_m");
+  expect_error(start + "dilation_px=2.5", 2, "a whole number, found 2.5");
+  expect_error(start + "use_motion=2", 2, "true or false, found 2");
+  expect_error(start + "dilation_px", 2, "NAME=NUMBER");
+  expect_error(start + "dilation_px=-1", 1, "dilation_px");
+  expect_error("run walk --out b --sensor kinect", 2, "realsense_d400");
+}
+
 TEST_F(Cli, RunWritesWhatItSays) {
   const Result r = run("run walk --out out --save-masks --save-keypoints --save-overlays 5");
   ASSERT_EQ(r.code, 0) << r.err;
@@ -855,7 +881,9 @@ TEST_F(Cli, BenchStudiesDilationAndBlur) {
     EXPECT_NE(page.find(title), std::string::npos) << title;
   EXPECT_NE(text_of(path("study") / "blur.svg").find("exposure time"), std::string::npos);
   EXPECT_NE(text_of(path("study") / "settings.svg").find("dilation_px"), std::string::npos);
-  expect_error("bench walk --out b --vary dilation=3", 1, "exposure_s, radius_px");
+  expect_error("bench walk --out b --vary dilation=3", 1, "nearest is depth.dilation_px");
+  expect_error("bench walk --out b --vary growth_m=3", 1,
+               "depth.growth_m and motion.movers.growth_m");
   expect_error("bench walk --out b --vary dilation_px=", 1, "NAME=NUMBER");
   expect_error("bench walk --out b --vary dilation_px", 1, "NAME=NUMBER");
 
