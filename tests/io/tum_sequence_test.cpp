@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <sstream>
+
 #include "temporary_folder.hpp"
 
 namespace {
@@ -141,10 +143,9 @@ TEST(TumSequence, SaysWhatIsWrongWithTheFolder) {
 TEST(TumSequence, ReadsARepeatedLineOnce) {
   SmallSequence folder;
   const TumSequence before(folder.path());
-  const std::string lines = read_file(folder / "depth.txt", "list");
+  std::istringstream lines(stillpoint::read_file(folder / "depth.txt", "list"));
   std::string twice;
-  for (const detail::TextLine& line : detail::text_lines(lines))
-    twice += line.text + "\n" + line.text + "\n";
+  for (std::string line; std::getline(lines, line);) twice += line + "\n" + line + "\n";
   folder.write("depth.txt", twice);
   const TumSequence sequence(folder.path());
   ASSERT_EQ(sequence.size(), before.size());

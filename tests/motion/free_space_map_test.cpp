@@ -14,6 +14,7 @@ using stillpoint::CellLabel;
 using stillpoint::CellLabels;
 using stillpoint::DepthCells;
 using stillpoint::FreeSpaceMap;
+using stillpoint::SensorModel;
 
 // 40 x 30 cells that see a wall across the view, `depth_m` away.
 DepthCells wall(float depth_m) {
