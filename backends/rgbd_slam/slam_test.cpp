@@ -322,8 +322,8 @@ TEST(PlaceIndex, FindsTheNoisyPlaceAndForgetsRemovedOnes) {
 }
 
 TEST(BundleAdjustment, HasExactDerivatives) {
-  BundleProblem::Residual r{0, 0, {100, 90}, 0.4, 1.2};
-  const ReprojectionCost cost(test_scene::camera(), NoiseModel(), r, true);
+  BundleProblem::Residual r{0, 0, {100, 90}, 0.4, 0.004, 1.2};
+  const ReprojectionCost cost(test_scene::camera(), r, true);
   const Eigen::Quaterniond q0 = Eigen::Quaterniond(0.9, 0.2, -0.3, 0.1).normalized();
   double q[4] = {q0.x(), q0.y(), q0.z(), q0.w()}, t[3] = {0.1, -0.2, 0.3}, X[3] = {0.5, 0.4, 3};
   double* parameters[] = {q, t, X};

@@ -158,14 +158,15 @@ TEST(PoseOptimizer, DropsADepthThatDisagreesButKeepsThePixel) {
 TEST(PoseOptimizer, SaysHowBadlyAPoseFits) {
   const Camera camera = test_scene::camera();
   const Eigen::Isometry3d truth = some_pose();
-  const NoiseModel noise;
+  NoiseModel noise;
+  noise.sensor.depth_floor_m = noise.sensor.depth_slope = 0;  // the same variance everywhere
   auto observations = observations_of(camera, truth, 60);
   EXPECT_NEAR(pose_misfit(camera, noise, observations, truth), 0, 1e-6);
   observations[0].pixel.x() += 2;  // two standard deviations, without a depth
   EXPECT_NEAR(pose_misfit(camera, noise, observations, truth), 4, 1e-6);
   observations[1].pixel.x() += 1000;
   EXPECT_NEAR(pose_misfit(camera, noise, observations, truth), 4 + kPixelChi2, 1e-6) << "no more";
-  observations[2].inverse_depth += noise.sigma_inverse_depth_per_m;
+  observations[2].inverse_depth += noise.sigma_inverse_depth(observations[2].inverse_depth);
   EXPECT_NEAR(pose_misfit(camera, noise, observations, truth), 5 + kPixelChi2, 1e-6);
   const Eigen::Isometry3d behind = Eigen::Translation3d(0, 0, -100) * truth;
   EXPECT_NEAR(pose_misfit(camera, noise, observations, behind), 60 * kPixelChi2, 1e-6);

@@ -63,6 +63,7 @@ void for_each_setting(Settings& s, const Visit& visit) {
   visit("sensor.depth_floor_m", s.sensor.depth_floor_m);
   visit("sensor.depth_slope", s.sensor.depth_slope);
   visit("sensor.depth_square", s.sensor.depth_square);
+  visit("sensor.depth_systematic", s.sensor.depth_systematic);
   visit("sensor.sigmas", s.sensor.sigmas);
   visit("sensor.delay_s", s.sensor.delay_s);
   visit("sensor.readout_s", s.sensor.readout_s);

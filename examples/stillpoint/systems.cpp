@@ -224,11 +224,13 @@ std::unique_ptr<Tracker> make_tracker(const RunSettings& settings, const Camera&
     slam.loops.enabled = std::find(settings.without.begin(), settings.without.end(),
                                    "loop_closing") == settings.without.end();
     if (settings.features > 0) slam.features.features = settings.features;
+    slam.noise.sensor = front_end_settings(settings).sensor;
     return std::make_unique<rgbd_slam::SlamSystem>(camera, slam);
   }
   if (settings.tracker == "vo") {
     rgbd_slam::RgbdOdometry::Settings vo;
     if (settings.features > 0) vo.features.features = settings.features;
+    vo.noise.sensor = front_end_settings(settings).sensor;
     return std::make_unique<rgbd_slam::RgbdOdometry>(camera, vo);
   }
   throw Error("--tracker: expected one of " + joined(tracker_names()) + ", found \"" +

@@ -25,16 +25,41 @@ TEST(SensorModel, NoiseGrowsWithTheDistance) {
             SensorModel::kinect_v1().depth_sigma_m(4));
 }
 
+TEST(SensorModel, TellsTheVarianceOfInverseDepths) {
+  SensorModel model;
+  for (double z = 0.5; z < 8; z += 0.5) {
+    const double sigma = model.depth_sigma_m(static_cast<float>(z)) / (z * z);
+    EXPECT_NEAR(model.inverse_depth_variance(1 / z), sigma * sigma, 1e-7);
+  }
+  model.depth_floor_m = model.depth_slope = model.depth_square = 0;
+  EXPECT_GT(model.inverse_depth_variance(1), 0) << "a weight must be finite";
+}
+
+TEST(SensorModel, TrustsManyMeasurementsOfOnePlaceByTheirRandomPart) {
+  SensorModel model;
+  // The variance of a mean of n: random / n + systematic; each of n such weights 1 / repeated^2.
+  for (const double systematic : {0.0, 0.3, 1.0})
+    for (const std::size_t n : {1, 2, 10}) {
+      model.depth_systematic = systematic;
+      const double of_mean = (1 - systematic) / static_cast<double>(n) + systematic;
+      EXPECT_NEAR(model.repeated(n) * model.repeated(n) / static_cast<double>(n), of_mean, 1e-12);
+    }
+  EXPECT_EQ(model.repeated(0), 1);
+}
+
 TEST(SensorModel, RefusesNumbersWithoutSense) {
   for (double SensorModel::*number :
        {&SensorModel::depth_floor_m, &SensorModel::depth_slope, &SensorModel::depth_square,
-        &SensorModel::sigmas, &SensorModel::delay_s, &SensorModel::readout_s,
-        &SensorModel::min_range_m, &SensorModel::max_range_m})
+        &SensorModel::depth_systematic, &SensorModel::sigmas, &SensorModel::delay_s,
+        &SensorModel::readout_s, &SensorModel::min_range_m, &SensorModel::max_range_m})
     for (const double bad : {-1.0, std::nan(""), HUGE_VAL}) {
       SensorModel model;
       model.*number = bad;
       EXPECT_THROW(model.check(), Error);
     }
+  SensorModel model;
+  model.depth_systematic = 1.1;
+  EXPECT_THROW(model.check(), Error);
 }
 
 }  // namespace

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cmath>
+#include <cstddef>
 #include <string>
 
 #include "stillpoint/core/error.hpp"
@@ -19,6 +20,9 @@ struct SensorModel {
   double depth_floor_m = 0.005;
   double depth_slope = 0.002;
   double depth_square = 0.003;
+  /// Share of the depth's variance that is the same in every frame (calibration, ripple, bumps), 0
+  /// to 1: many measurements of one place don't make it smaller.
+  double depth_systematic = 0.75;
   /// Differences within so many standard deviations mean nothing.
   double sigmas = 4;
   /// Standard deviation of the time between the color's and the depth's exposure that their stamps
@@ -38,11 +42,23 @@ struct SensorModel {
                 c = static_cast<float>(depth_square) * z * z;
     return std::sqrt(a * a + b * b + c * c);
   }
+  /// Variance of 1 / z, where `inverse_depth` = 1 / z was measured; 1 / m^2. Never 0.
+  double inverse_depth_variance(double inverse_depth) const {
+    const double w2 = inverse_depth * inverse_depth;
+    return (depth_floor_m * depth_floor_m * w2 + depth_slope * depth_slope) * w2 +
+           depth_square * depth_square + 1e-8;
+  }
+  /// The standard deviation of each of n measurements of one place, as if they were independent:
+  /// this many times that of a single one.
+  double repeated(std::size_t n) const {
+    return n < 2 ? 1 : std::sqrt(1 + static_cast<double>(n - 1) * depth_systematic);
+  }
   /// Least difference of two depths at distance z that is not noise, metres.
   float least_step_m(float z) const { return static_cast<float>(sigmas) * depth_sigma_m(z); }
 
   /// Structured light: Kinect v1, Xtion. Depth noise: Khoshelham and Oude Elberink, Sensors 2012,
-  /// 12(2), 1437 (1.45e-3 z^2 at random, and twice that with the systematic part); color and depth
+  /// 12(2), 1437 (1.45e-3 z^2 at random, and twice that with the systematic part, so three quarters
+  /// of the variance are systematic); color and depth
   /// are taken without synchronization at 30 Hz, up to 17 ms apart, and read out row by row. Kinect
   /// for Windows is specified for 0.8 to 4 m.
   static SensorModel kinect_v1() { return {}; }
@@ -52,6 +68,7 @@ struct SensorModel {
   static SensorModel time_of_flight() {
     SensorModel model;
     model.depth_floor_m = 0.011, model.depth_slope = 0.004, model.depth_square = 0.0005;
+    model.depth_systematic = 0.3;
     model.delay_s = 0.003, model.readout_s = 0.015, model.max_range_m = 3.86;
     return model;
   }
@@ -67,7 +84,7 @@ struct SensorModel {
   /// A rendered camera: exact stamps, global shutter.
   static SensorModel exact() {
     SensorModel model;
-    model.delay_s = 0, model.readout_s = 0;
+    model.delay_s = 0, model.readout_s = 0, model.depth_systematic = 0;
     return model;
   }
 
@@ -81,6 +98,9 @@ struct SensorModel {
     at_least_0("depth_floor_m", depth_floor_m);
     at_least_0("depth_slope", depth_slope);
     at_least_0("depth_square", depth_square);
+    if (!(depth_systematic >= 0 && depth_systematic <= 1))
+      throw Error("SensorModel.depth_systematic: expected 0 to 1, found " +
+                  std::to_string(depth_systematic));
     at_least_0("sigmas", sigmas);
     at_least_0("delay_s", delay_s);
     at_least_0("readout_s", readout_s);

@@ -56,7 +56,7 @@ struct BundleProblem {
   struct Residual {
     std::size_t pose, point;
     Eigen::Vector2d pixel;
-    double inverse_depth, sigma_px;
+    double inverse_depth, sigma_inverse_depth, sigma_px;
     bool inlier = true;
   };
   std::vector<PoseBlock> poses;
@@ -68,8 +68,7 @@ struct BundleProblem {
 /// derivatives by quaternion (x, y, z, w), translation and point.
 class ReprojectionCost final : public ceres::SizedCostFunction<3, 4, 3, 3> {
  public:
-  ReprojectionCost(const Camera& camera, const NoiseModel& noise,
-                   const BundleProblem::Residual& residual, bool use_depth)
+  ReprojectionCost(const Camera& camera, const BundleProblem::Residual& residual, bool use_depth)
       : fx_(camera.fx),
         fy_(camera.fy),
         cx_(camera.cx),
@@ -77,7 +76,7 @@ class ReprojectionCost final : public ceres::SizedCostFunction<3, 4, 3, 3> {
         pixel_(residual.pixel),
         inverse_depth_(residual.inverse_depth),
         pixel_weight_(1 / residual.sigma_px),
-        depth_weight_(use_depth ? 1 / noise.sigma_inverse_depth_per_m : 0) {}
+        depth_weight_(use_depth ? 1 / residual.sigma_inverse_depth : 0) {}
 
   bool Evaluate(double const* const* parameters, double* residuals,
                 double** jacobians) const override {
@@ -140,14 +139,16 @@ inline BundleProblem collect_bundle(const Map& map, const Optics& optics,
       if (!p || listed[static_cast<std::size_t>(point_id)]) continue;
       listed[static_cast<std::size_t>(point_id)] = 1;
       b.points.push_back({point_id, {p->position.x(), p->position.y(), p->position.z()}});
+      const double repeated = optics.noise.sensor.repeated(p->observations.size());
       for (const Observation& o : p->observations) {
         if (pose_of[static_cast<std::size_t>(o.keyframe)] < 0) add_pose(o.keyframe, true);
         const FrameKeypoint& k =
             map.keyframe(o.keyframe)->frame.keypoints[static_cast<std::size_t>(o.keypoint)];
+        const double inverse_depth = k.depth_m > 0 ? 1.0 / k.depth_m : 0;
         b.residuals.push_back(
             {static_cast<std::size_t>(pose_of[static_cast<std::size_t>(o.keyframe)]),
-             b.points.size() - 1, k.pixel(), k.depth_m > 0 ? 1.0 / k.depth_m : 0,
-             optics.sigma_px(k)});
+             b.points.size() - 1, k.pixel(), inverse_depth,
+             repeated * optics.noise.sigma_inverse_depth(inverse_depth), optics.sigma_px(k)});
       }
     }
   return b;
@@ -172,8 +173,8 @@ inline bool solve_bundle(BundleProblem& b, const Optics& optics, int max_iterati
     if (r.inverse_depth <= 0) return false;
     const Eigen::Map<const Eigen::Vector3d> X(b.points[r.point].p.data());
     const double z = (b.poses[r.pose].pose() * X).z();
-    return z > 0.02 &&
-           std::abs(1 / z - r.inverse_depth) < 3 * optics.noise.sigma_inverse_depth_per_m;
+    return z > 0.02 && std::abs(1 / z - r.inverse_depth) <
+                           3 * optics.noise.sigma_inverse_depth(r.inverse_depth);
   };
   ceres::Problem::Options problem_options;
   problem_options.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
@@ -196,8 +197,8 @@ inline bool solve_bundle(BundleProblem& b, const Optics& optics, int max_iterati
     ordering->AddElementToGroup(pose.t.data(), 1);
   }
   for (const BundleProblem::Residual& r : b.residuals)
-    problem.AddResidualBlock(new ReprojectionCost(optics.camera, optics.noise, r, depth_fits(r)),
-                             &huber, b.poses[r.pose].q.data(), b.poses[r.pose].t.data(),
+    problem.AddResidualBlock(new ReprojectionCost(optics.camera, r, depth_fits(r)), &huber,
+                             b.poses[r.pose].q.data(), b.poses[r.pose].t.data(),
                              b.points[r.point].p.data());
   ceres::Solver::Options options;
   options.linear_solver_ordering.reset(ordering);

@@ -39,7 +39,7 @@ inline int fuse_points(const Optics& optics, Map& map, Keyframe& keyframe,
       if ((f.pixel() - projection.pixel).squaredNorm() > 5.991 * sigma_px * sigma_px) continue;
       const double z = (keyframe.T_camera_world * p->position).z();
       if (f.depth_m > 0 &&
-          std::abs(1 / z - 1 / f.depth_m) > 4 * optics.noise.sigma_inverse_depth_per_m)
+          std::abs(1 / z - 1 / f.depth_m) > 4 * optics.noise.sigma_inverse_depth(1 / f.depth_m))
         continue;
     }
     const PointId other = keyframe.points[static_cast<std::size_t>(k)];

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "stillpoint/core/camera.hpp"
+#include "stillpoint/sensor/sensor_model.hpp"
 
 namespace stillpoint::rgbd_slam {
 
@@ -35,13 +36,12 @@ struct NoiseModel {
   double sigma_px = 0.7;
   /// The same for a keypoint that was aligned with the point's patch.
   double sigma_refined_px = 0.2;
-  /// Of 1/depth, which is even over the range for a structured-light or stereo camera:
-  /// sigma(z) = z^2 times this.
-  double sigma_inverse_depth_per_m = 0.004;
+  /// Of depths.
+  SensorModel sensor;
 
-  /// 1 / variance of 1/depth.
-  double depth_weight() const {
-    return 1 / (sigma_inverse_depth_per_m * sigma_inverse_depth_per_m);
+  /// Standard deviation of 1/depth where `inverse_depth` was measured, 1/m.
+  double sigma_inverse_depth(double inverse_depth) const {
+    return std::sqrt(sensor.inverse_depth_variance(inverse_depth));
   }
 };
 
@@ -76,9 +76,8 @@ struct PoseErrors {
   bool front;
 };
 
-/// `depth_weight`: 1 / variance of the inverse depth.
-inline PoseErrors pose_errors(const Camera& camera, double depth_weight, const PoseObservation& o,
-                              const Eigen::Isometry3d& T_camera_world) {
+inline PoseErrors pose_errors(const Camera& camera, const NoiseModel& noise,
+                              const PoseObservation& o, const Eigen::Isometry3d& T_camera_world) {
   PoseErrors e;
   e.p = T_camera_world * o.point;
   e.front = e.p.z() > 0.05;
@@ -86,7 +85,7 @@ inline PoseErrors pose_errors(const Camera& camera, double depth_weight, const P
   e.pixel = camera.project(e.p) - o.pixel;
   e.pixel_chi2 = e.pixel.squaredNorm() / (o.sigma_px * o.sigma_px);
   e.depth = o.inverse_depth > 0 ? 1 / e.p.z() - o.inverse_depth : 0;
-  e.depth_chi2 = e.depth * e.depth * depth_weight;
+  e.depth_chi2 = e.depth * e.depth / noise.sensor.inverse_depth_variance(o.inverse_depth);
   return e;
 }
 
@@ -98,7 +97,7 @@ inline double pose_misfit(const Camera& camera, const NoiseModel& noise,
                           const Eigen::Isometry3d& T_camera_world) {
   double sum = 0;
   for (const PoseObservation& o : observations) {
-    const PoseErrors e = pose_errors(camera, noise.depth_weight(), o, T_camera_world);
+    const PoseErrors e = pose_errors(camera, noise, o, T_camera_world);
     sum += e.front ? std::min(kPixelChi2, e.pixel_chi2 + std::min(kDepthChi2, e.depth_chi2))
                    : kPixelChi2;
   }
@@ -118,7 +117,6 @@ inline int optimize_pose(const Camera& camera, const NoiseModel& noise,
                          Eigen::Isometry3d& T_camera_world, double start_gate = 0) {
   using Vector6 = Eigen::Matrix<double, 6, 1>;
   using Matrix6 = Eigen::Matrix<double, 6, 6>;
-  const double depth_weight = noise.depth_weight();
   const auto rho = [](double chi2, double limit) {
     return chi2 <= limit ? chi2 : 2 * std::sqrt(chi2 * limit) - limit;
   };
@@ -127,7 +125,7 @@ inline int optimize_pose(const Camera& camera, const NoiseModel& noise,
   };
   using Errors = PoseErrors;
   const auto errors_of = [&](const PoseObservation& o, const Eigen::Isometry3d& T) {
-    return pose_errors(camera, depth_weight, o, T);
+    return pose_errors(camera, noise, o, T);
   };
   const auto total_cost = [&](const Eigen::Isometry3d& T, bool robust) {
     double cost = 0;
@@ -178,7 +176,8 @@ inline int optimize_pose(const Camera& camera, const NoiseModel& noise,
         if (o.inverse_depth > 0 && o.depth_inlier) {
           Vector6 d;
           d << 0, 0, -iz2, -y * iz2, x * iz2, 0;
-          const double wd = (robust ? weight(e.depth_chi2, kDepthChi2) : 1) * depth_weight;
+          const double wd = (robust ? weight(e.depth_chi2, kDepthChi2) : 1) /
+                            noise.sensor.inverse_depth_variance(o.inverse_depth);
           H.noalias() += wd * d * d.transpose();
           g.noalias() += wd * e.depth * d;
         }

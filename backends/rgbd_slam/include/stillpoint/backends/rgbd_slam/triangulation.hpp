@@ -42,8 +42,8 @@ inline std::vector<PointId> triangulate_between(const Optics& optics, Map& map, 
     const double sigma_px = optics.noise.sigma_px * f.scale;
     if (p.z() < 0.2 || (c.project(p) - f.pixel()).squaredNorm() > 5.991 * sigma_px * sigma_px)
       return true;
-    return f.depth_m > 0 &&
-           std::abs(1 / p.z() - 1 / f.depth_m) > 3 * optics.noise.sigma_inverse_depth_per_m;
+    return f.depth_m > 0 && std::abs(1 / p.z() - 1 / f.depth_m) >
+                                3 * optics.noise.sigma_inverse_depth(1 / f.depth_m);
   };
   for (std::size_t i = 0; i < first.points.size(); ++i) {
     const FrameKeypoint& f1 = first.frame.keypoints[i];
