@@ -411,6 +411,10 @@ TEST(SlamSystem, FollowsACamera) {
   ASSERT_EQ(slam.trajectory().size(), 60u);
   EXPECT_LT(worst_error(slam.trajectory(), sway), 0.03);
   EXPECT_GE(slam.keyframes(), 3u);
+  const std::vector<Eigen::Vector3d> points = slam.map_point_positions();
+  EXPECT_EQ(points.size(), slam.map_points());
+  EXPECT_TRUE(
+      std::all_of(points.begin(), points.end(), [](const auto& p) { return p.allFinite(); }));
   EXPECT_LE(slam.keyframe_trajectory().size(), 40u);
 }
 

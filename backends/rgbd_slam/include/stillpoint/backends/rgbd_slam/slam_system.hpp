@@ -159,6 +159,15 @@ class SlamSystem final : public Tracker {
     const std::lock_guard<FairMutex> guard(map_mutex_);
     return map_.point_count();
   }
+  /// World coordinates of the map's points, metres. O(points).
+  std::vector<Eigen::Vector3d> map_point_positions() const {
+    const std::lock_guard<FairMutex> guard(map_mutex_);
+    std::vector<Eigen::Vector3d> positions;
+    positions.reserve(map_.point_count());
+    for (int i = 0; i < map_.point_end(); ++i)
+      if (const MapPoint* p = map_.point(i)) positions.push_back(p->position);
+    return positions;
+  }
 
  private:
   void build_map(KeyframeId id, const std::atomic<bool>& hurry) {
