@@ -1,0 +1,192 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include <chrono>
+#include <memory>
+#include <set>
+
+#include "bindings.hpp"
+#include "calls.hpp"
+#include "frames.hpp"
+#include "segmenter.hpp"
+#include "sequences.hpp"
+#include "stillpoint/backends/mask_files.hpp"
+#include "stillpoint/segmentation/detection_thread.hpp"
+#ifdef STILLPOINT_WITH_OPENCV_DNN
+#include "stillpoint/backends/opencv_dnn/segmenter.hpp"
+#endif
+
+namespace stillpoint::python {
+namespace {
+
+/// A DetectionThread that ends without the GIL, which its segmenter may wait for.
+class PyDetectionThread : public Segmenter {
+ public:
+  explicit PyDetectionThread(Segmenter& segmenter)
+      : thread_(std::make_unique<DetectionThread>(segmenter)) {
+    all().insert(this);
+  }
+  ~PyDetectionThread() override {
+    all().erase(this);
+    close();
+  }
+  Segmentation segment(const RgbdFrame& frame) override { return open().segment(frame); }
+  std::vector<std::string> classes() const override { return open().classes(); }
+  std::size_t dropped() const { return open().dropped(); }
+  bool wait_for_result(double timeout_s) { return open().wait_for_result(timeout_s); }
+  void close() {
+    const py::gil_scoped_release release;
+    thread_.reset();
+  }
+  /// Before the interpreter ends: its threads must not come back to it.
+  static void close_all() {
+    for (PyDetectionThread* thread : all()) thread->close();
+  }
+
+ private:
+  static std::set<PyDetectionThread*>& all() {
+    static std::set<PyDetectionThread*> threads;
+    return threads;
+  }
+  DetectionThread& open() const {
+    if (!thread_) throw Error("DetectionThread: expected an open one, found it closed");
+    return *thread_;
+  }
+
+  std::unique_ptr<DetectionThread> thread_;
+};
+
+/// Waits in short steps, so that Ctrl-C is heard.
+bool wait_for_result(PyDetectionThread& thread, const py::object& timeout_s) {
+  using Clock = std::chrono::steady_clock;
+  const double seconds = number_of(timeout_s, "timeout_s");
+  const auto end = Clock::now() + std::chrono::duration<double>(seconds);
+  while (true) {
+    const double left = std::chrono::duration<double>(end - Clock::now()).count();
+    const double step = std::max(0.0, std::min(0.05, left));
+    if (without_gil([&] { return thread.wait_for_result(step); })) return true;
+    if (left <= 0) return false;
+  }
+}
+
+void bind_detection_thread(py::module_& m) {
+  py::class_<PyDetectionThread, Segmenter>(
+      m, "DetectionThread",
+      "Runs a segmenter beside the camera, at its own pace: its segment() never waits, and the\n"
+      "front end predicts its late results forward.")
+      .def(py::init([](const py::object& segmenter) {
+             Segmenter* inner = segmenter_of(segmenter, "DetectionThread: segmenter");
+             if (!inner)
+               throw Error(
+                   "DetectionThread: segmenter: expected a stillpoint.Segmenter, found "
+                   "None");
+             return std::make_unique<PyDetectionThread>(*inner);
+           }),
+           py::arg("segmenter"), py::keep_alive<1, 2>())
+      .def("wait_for_result", &wait_for_result, py::arg("timeout_s"),
+           "Waits until there is a result to fetch, at most timeout_s seconds; False if not.")
+      .def("close", &PyDetectionThread::close, "Ends the thread; waits for the frame at work.")
+      .def_property_readonly("dropped", &PyDetectionThread::dropped,
+                             "How many frames were replaced by newer ones.");
+  py::module_::import("atexit").attr("register")(
+      py::cpp_function([] { PyDetectionThread::close_all(); }));
+}
+
+void bind_mask_files(py::module_& m) {
+  py::class_<MaskFilesSegmenter, Segmenter>(
+      m, "MaskFilesSegmenter",
+      "A folder of masks as a Segmenter: STEM.png, 8 bits, 0 = background, k = instance k, or\n"
+      "only 0 and 255. A missing file: no result for its frame.")
+      .def(py::init([](const py::object& folder, const py::object& sequence,
+                       const py::object& class_name, const py::object& min_area_px,
+                       const py::object& max_difference_s) {
+             MaskFilesSegmenter::Settings settings;
+             settings.class_name = text_of(class_name, "class_name");
+             settings.min_area_px = static_cast<int>(whole_of(min_area_px, "min_area_px"));
+             settings.max_difference_s = number_of(max_difference_s, "max_difference_s");
+             const auto path = path_of(folder, "MaskFilesSegmenter: folder");
+             if (sequence.is_none()) return std::make_unique<MaskFilesSegmenter>(path, settings);
+             return std::make_unique<MaskFilesSegmenter>(
+                 path, frame_names(sequence_of(sequence, "MaskFilesSegmenter: sequence")),
+                 settings);
+           }),
+           py::arg("folder"), py::arg("sequence") = py::none(), py::kw_only(),
+           py::arg("class_name") = "person", py::arg("min_area_px") = 50,
+           py::arg("max_difference_s") = 0.005,
+           "sequence: TumSequence whose color files name the masks; None: masks are named by\n"
+           "timestamps.")
+      .def_property_readonly("masks", &MaskFilesSegmenter::masks,
+                             "Number of frames that have a mask.");
+}
+
+#ifdef STILLPOINT_WITH_OPENCV_DNN
+std::unique_ptr<OpenCvDnnSegmenter> make_network(const py::object& model, const py::object& config,
+                                                 const py::object& decoder,
+                                                 const py::object& class_names,
+                                                 const py::object& input_size,
+                                                 const py::dict& decoding) {
+  OpenCvDnnSettings s;
+  if (!config.is_none()) s.config = path_of(config, "config");
+  if (!decoder.is_none()) s.decoder = text_of(decoder, "decoder");
+  if (!class_names.is_none())
+    for (const py::handle& name : class_names)
+      s.class_names.push_back(text_of(name, "class_names"));
+  if (!input_size.is_none()) {
+    const std::vector<double> size = numbers_of(input_size, "input_size");
+    if (size.size() != 2)
+      throw Error("input_size: expected (width, height), found " + std::to_string(size.size()) +
+                  " numbers");
+    s.input_size = {static_cast<int>(size[0]), static_cast<int>(size[1])};
+  }
+  s.decoding.min_score = static_cast<float>(number_of(decoding["min_score"], "min_score"));
+  s.decoding.mask_threshold =
+      static_cast<float>(number_of(decoding["mask_threshold"], "mask_threshold"));
+  s.decoding.max_overlap = static_cast<float>(number_of(decoding["max_overlap"], "max_overlap"));
+  s.decoding.max_instances = static_cast<int>(whole_of(decoding["max_instances"], "max_instances"));
+  s.backend = static_cast<int>(whole_of(decoding["backend"], "backend"));
+  s.target = static_cast<int>(whole_of(decoding["target"], "target"));
+  const auto file = path_of(model, "model");
+  return without_gil([&] { return std::make_unique<OpenCvDnnSegmenter>(file, s); });
+}
+
+void bind_opencv_dnn(py::module_& m) {
+  py::class_<OpenCvDnnSegmenter, Segmenter>(
+      m, "OpenCvDnnSegmenter",
+      "A network that OpenCV's DNN module runs, e.g. an .onnx file. Its decoder is recognised\n"
+      "from its outputs.")
+      .def(
+          py::init([](const py::object& model, const py::object& config, const py::object& decoder,
+                      const py::object& class_names, const py::object& input_size,
+                      const py::object& min_score, const py::object& mask_threshold,
+                      const py::object& max_overlap, const py::object& max_instances,
+                      const py::object& backend, const py::object& target) {
+            py::dict decoding;
+            decoding["min_score"] = min_score, decoding["mask_threshold"] = mask_threshold;
+            decoding["max_overlap"] = max_overlap, decoding["max_instances"] = max_instances;
+            decoding["backend"] = backend, decoding["target"] = target;
+            return make_network(model, config, decoder, class_names, input_size, decoding);
+          }),
+          py::arg("model"), py::kw_only(), py::arg("config") = py::none(),
+          py::arg("decoder") = py::none(), py::arg("class_names") = py::none(),
+          py::arg("input_size") = py::none(), py::arg("min_score") = 0.0,
+          py::arg("mask_threshold") = 0.0, py::arg("max_overlap") = 0.5,
+          py::arg("max_instances") = 100,
+          py::arg("backend") = static_cast<int>(cv::dnn::DNN_BACKEND_OPENCV),
+          py::arg("target") = static_cast<int>(cv::dnn::DNN_TARGET_CPU),
+          "config: the graph's text file, for formats that have one. input_size: (width, height);\n"
+          "None: the model's own. min_score, mask_threshold: 0 = the decoder's own, else to 1.\n"
+          "backend, target: cv2.dnn.DNN_BACKEND_... and DNN_TARGET_...")
+      .def_property_readonly("decoder", &OpenCvDnnSegmenter::decoder,
+                             "The decoder that fits, e.g. 'yolo_seg'.");
+}
+#endif
+
+}  // namespace
+
+void bind_segmenters(py::module_& m) {
+  bind_detection_thread(m);
+  bind_mask_files(m);
+#ifdef STILLPOINT_WITH_OPENCV_DNN
+  bind_opencv_dnn(m);
+#endif
+}
+
+}  // namespace stillpoint::python
