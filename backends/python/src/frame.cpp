@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include "stillpoint/core/frame.hpp"
 
+#include <pybind11/stl.h>
+
 #include <limits>
 
 #include "bindings.hpp"

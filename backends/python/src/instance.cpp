@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include "stillpoint/core/instance.hpp"
 
+#include <pybind11/stl.h>
+
 #include <cmath>
 #include <limits>
 

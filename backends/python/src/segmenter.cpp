@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include "segmenter.hpp"
 
+#include <pybind11/stl.h>
+
 #include <stdexcept>
 
 #include "bindings.hpp"

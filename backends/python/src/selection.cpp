@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include "stillpoint/core/selection.hpp"
 
+#include <pybind11/stl.h>
+
 #include "bindings.hpp"
 #include "frames.hpp"
 #include "selections.hpp"

@@ -3,6 +3,9 @@
 
 #ifdef STILLPOINT_WITH_RGBD_SLAM
 
+#include <chrono>
+#include <future>
+
 #include "arrays.hpp"
 #include "calls.hpp"
 #include "frames.hpp"
@@ -13,16 +16,44 @@
 namespace stillpoint::python {
 namespace {
 
-using Use = OneAtATime::Use;
 using Pose = std::optional<Eigen::Isometry3d>;
 
 struct PySlam {
   PySlam(const Camera& camera, const rgbd_slam::SlamSystem::Settings& settings)
-      : depth_units_per_m(camera.depth_units_per_m), slam(camera, settings) {}
+      : slam(camera, settings) {}
+  ~PySlam() {
+    const py::gil_scoped_release release;
+    if (finishing.valid()) finishing.wait();
+  }
   OneAtATime gate{"SlamSystem"};
-  double depth_units_per_m;
   rgbd_slam::SlamSystem slam;
+  std::future<void> finishing;  // what a Ctrl-C left behind
 };
+
+/// One call at a time, after what an interrupted finish() still does.
+class Use {
+ public:
+  explicit Use(PySlam& s) : use_(s.gate) {
+    if (!s.finishing.valid()) return;
+    const py::gil_scoped_release release;
+    s.finishing.get();
+  }
+
+ private:
+  OneAtATime::Use use_;
+};
+
+/// Ends the work in another thread, so that Ctrl-C need not wait for it.
+void finish(PySlam& s) {
+  const Use use(s);
+  s.finishing = std::async(std::launch::async, [&slam = s.slam] { slam.finish(); });
+  const auto done = [&] {
+    return s.finishing.wait_for(std::chrono::milliseconds(20)) == std::future_status::ready;
+  };
+  while (!without_gil(done)) {
+  }
+  s.finishing.get();
+}
 
 std::unique_ptr<PySlam> make_slam(const py::object& camera, const py::object& features,
                                   const py::object& threaded, const py::object& loop_closing) {
@@ -49,7 +80,7 @@ Selection all_of(std::size_t count) {
 
 py::object process(PySlam& s, const py::object& frame, const py::object& front_end,
                    const py::object& segmentation) {
-  const Use use(s.gate);
+  const Use use(s);
   const RgbdFrame given = frame_of(frame, "frame");
   if (front_end.is_none()) {
     return to_python(without_gil([&] {
@@ -61,7 +92,7 @@ py::object process(PySlam& s, const py::object& frame, const py::object& front_e
     throw Error("SlamSystem.process: front_end: expected a stillpoint.FrontEnd or None, found " +
                 found_text(front_end));
   auto& f = *front_end.cast<PyFrontEnd*>();
-  const Use use_front_end(f.gate);
+  const OneAtATime::Use use_front_end(f.gate);
   std::optional<Segmentation> found;
   if (!segmentation.is_none()) found = segmentation_of(segmentation, "segmentation");
   if (found && f.has_segmenter)
@@ -80,7 +111,7 @@ py::object process(PySlam& s, const py::object& frame, const py::object& front_e
 }
 
 py::array extract(PySlam& s, const py::object& frame, const py::object& mask) {
-  const Use use(s.gate);
+  const Use use(s);
   const RgbdFrame given = frame_of(frame, "frame");
   const DynamicMask dynamic{mask_or_none(mask, "mask"), 0, 0};
   const auto& keypoints = *without_gil([&] { return &s.slam.extract(given, dynamic); });
@@ -90,14 +121,14 @@ py::array extract(PySlam& s, const py::object& frame, const py::object& mask) {
 }
 
 py::object track(PySlam& s, const py::object& frame, const py::object& selection) {
-  const Use use(s.gate);
+  const Use use(s);
   const RgbdFrame given = frame_of(frame, "frame");
   const Selection& chosen = selection_of(selection, "selection");
   return to_python(without_gil([&] { return s.slam.track(given, DynamicMask(), chosen); }));
 }
 
 py::array map_points(PySlam& s) {
-  const Use use(s.gate);
+  const Use use(s);
   std::vector<double> xyz;
   for (const Eigen::Vector3d& p : s.slam.map_point_positions())
     xyz.insert(xyz.end(), {p.x(), p.y(), p.z()});
@@ -107,7 +138,7 @@ py::array map_points(PySlam& s) {
 template <class Read>
 auto reader(Read read) {
   return [read](PySlam& s) {
-    const Use use(s.gate);
+    const Use use(s);
     return read(s.slam);
   };
 }
@@ -127,17 +158,11 @@ void bind_steps(py::class_<PySlam>& cls) {
       .def(
           "predicted_motion",
           [](PySlam& s) {
-            const Use use(s.gate);
+            const Use use(s);
             return to_python(s.slam.predicted_motion());
           },
           "T_next_last, 4 x 4: for FrontEnd.compute_mask(T_current_last=...); None: not known.")
-      .def(
-          "finish",
-          [](PySlam& s) {
-            const Use use(s.gate);
-            without_gil([&] { s.slam.finish(); });
-          },
-          "Ends background work and adjusts the whole map: 0.1 s to seconds.");
+      .def("finish", &finish, "Ends background work and adjusts the whole map: 0.1 s to seconds.");
 }
 
 }  // namespace
@@ -161,7 +186,7 @@ void bind_slam(py::module_& m) {
                              "Number of keyframes in the map.")
       .def_property_readonly("loops_closed", reader([](auto& s) { return s.loops_closed(); }))
       .def("__repr__", [](PySlam& s) {
-        const Use use(s.gate);
+        const Use use(s);
         return "<SlamSystem: " + std::to_string(s.slam.keyframes()) + " keyframes, " +
                std::to_string(s.slam.map_points()) + " points>";
       });
