@@ -2,8 +2,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """What a call from Python costs more than in C++, and what two cameras in two threads gain.
 
-The C++ library measures its own stages; what a call takes beyond them is its cost in Python (and the
-little that the stages do not cover). Usage: PYTHONPATH=BUILD/python benchmarks/python_benchmark.py
+The C++ library measures its own stages; what a call takes beyond them is its cost in Python (and
+the little that the stages do not cover).
+
+Usage: PYTHONPATH=BUILD/python benchmarks/python_benchmark.py
 """
 
 import statistics

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""Masks of the moving things in a folder of TUM layout: 01_masks.py SEQUENCE OUT. No network is needed."""
+"""Masks of what moves in a folder of TUM layout, without a network: 01_masks.py SEQUENCE OUT."""
 import pathlib
 import sys
 

@@ -12,7 +12,7 @@ import stillpoint
 def keep_mask(mask):
     """For systems that want "not 0 = use this pixel" (OpenCV's detectors, stella_vslam).
 
-    Trap: polarity. Ours is 255 = dynamic. A mask the wrong way round looks like a system that fails.
+    Trap: polarity. Ours is 255 = dynamic; with a mask the wrong way round a system fails silently.
     Another: a mask of zeros is not always "no mask". cuVSLAM lost landmarks by one (its issue 30);
     hand over None where mask.any() is False.
     """

@@ -12,7 +12,9 @@ from stillpoint._types.settings import LateSegmentationSettings as LateSegmentat
 from stillpoint._types.settings import MotionCheckSettings as MotionCheckSettings
 from stillpoint._types.settings import MoverDetectorSettings as MoverDetectorSettings
 from stillpoint._types.settings import RpeSettings as RpeSettings
-from stillpoint._types.settings import SegmentationCompensatorSettings as SegmentationCompensatorSettings
+from stillpoint._types.settings import (
+    SegmentationCompensatorSettings as SegmentationCompensatorSettings,
+)
 from stillpoint._types.settings import SensorModel as SensorModel
 from stillpoint._types.settings import SyntheticSettings as SyntheticSettings
 from stillpoint._types.frames import Camera as Camera

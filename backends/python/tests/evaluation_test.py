@@ -74,7 +74,9 @@ def test_rpe_is_evo_rpe(truth, estimate):
     truly = np.linalg.inv(q[:-1]) @ q[1:]
     error = np.linalg.inv(truly) @ moved
     translation = np.linalg.norm(error[:, :3, 3], axis=1)
-    angle = np.degrees(np.arccos(np.clip((np.trace(error[:, :3, :3], axis1=1, axis2=2) - 1) / 2, -1, 1)))
+    angle = np.degrees(
+        np.arccos(np.clip((np.trace(error[:, :3, :3], axis1=1, axis2=2) - 1) / 2, -1, 1))
+    )
     result = stillpoint.rpe(truth, estimate)
     assert result.pairs == len(translation) == 159
     assert result.translation_m.rmse == pytest.approx(np.sqrt((translation**2).mean()), rel=0.01)

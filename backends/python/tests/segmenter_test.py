@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
 import os
 import signal
+import subprocess
+import sys
 import threading
 import time
 
@@ -162,3 +164,23 @@ def test_masks_of_a_folder(scene, tmp_path):
     assert np.array_equal(read, labels)
     with pytest.raises(stillpoint.Error, match="size 64x48, found 320x240"):
         stillpoint.read_mask(tmp_path / f"{f.timestamp:.6f}.png", (48, 64))
+
+
+def test_a_network_by_opencv(source, scene, tmp_path):
+    """The graphs of the back end's own tests: what it gives is written beside each."""
+    pytest.importorskip("onnx")
+    script = source / "backends" / "opencv_dnn" / "test_graphs.py"
+    subprocess.run([sys.executable, script, tmp_path], check=True, capture_output=True)
+    segmenter = stillpoint.OpenCvDnnSegmenter(tmp_path / "yolo_seg.onnx")
+    assert segmenter.decoder.startswith("yolo") and "person" in segmenter.classes()
+    gray = stillpoint.RgbdFrame(np.full((48, 64, 3), 128, np.uint8), timestamp=1)
+    found = segmenter.segment(gray)
+    assert found.available and len(found.instances) >= 3
+    assert all(i.mask.shape == (i.box[3], i.box[2]) for i in found.instances)
+    few = stillpoint.OpenCvDnnSegmenter(tmp_path / "yolo_seg.onnx", max_instances=1)
+    assert len(few.segment(gray).instances) == 1
+    front_end = stillpoint.FrontEnd(scene.camera, segmenter)
+    front_end.compute_mask(scene.frames[0].rgbd())
+    assert front_end.stats.segmenter_error == ""
+    with pytest.raises(stillpoint.Error, match="input_size: expected both"):
+        stillpoint.OpenCvDnnSegmenter(tmp_path / "yolo_seg.onnx", input_size=(64, 0))
