@@ -19,3 +19,15 @@ __all__ = sorted(
     ["FrameStatus", "KeypointReason"]
     + [name for name in dir(_stillpoint) if not name.startswith("_")]
 )
+
+_OPTIONAL = {"SlamSystem": "libceres-dev", "OpenCvDnnSegmenter": "libopencv-dev"}
+
+
+def __getattr__(name: str) -> object:
+    """Says why a class of a back end is not there."""
+    if name in _OPTIONAL:
+        raise AttributeError(
+            f"stillpoint.{name} was left out of this build: its back end was not found when the "
+            f"module was built (Debian, Ubuntu: apt-get install {_OPTIONAL[name]}, build again)"
+        )
+    raise AttributeError(f"module 'stillpoint' has no attribute '{name}'")
