@@ -101,6 +101,8 @@ void bind_sensor(py::module_& m) {
       .add("depth_floor_m", &Sensor::depth_floor_m, "Fixed part, metres.")
       .add("depth_slope", &Sensor::depth_slope, "Part that grows with z.")
       .add("depth_square", &Sensor::depth_square, "Part that grows with z^2, 1 / metres.")
+      .add("depth_systematic", &Sensor::depth_systematic,
+           "Share of the depth's variance that is the same in every frame, 0 to 1.")
       .add("sigmas", &Sensor::sigmas, "Differences within so many deviations mean nothing.")
       .add("delay_s", &Sensor::delay_s, "Unknown time between color and depth, seconds.")
       .add("readout_s", &Sensor::readout_s, "From the first to the last row, seconds.")

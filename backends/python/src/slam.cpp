@@ -56,11 +56,19 @@ void finish(PySlam& s) {
 }
 
 std::unique_ptr<PySlam> make_slam(const py::object& camera, const py::object& features,
-                                  const py::object& threaded, const py::object& loop_closing) {
+                                  const py::object& threaded, const py::object& loop_closing,
+                                  const py::object& sensor) {
   rgbd_slam::SlamSystem::Settings settings;
   settings.features.features = static_cast<int>(whole_of(features, "features"));
   settings.threaded = truth_of(threaded, "threaded");
   settings.loops.enabled = truth_of(loop_closing, "loop_closing");
+  if (!sensor.is_none()) {
+    if (!py::isinstance<SensorModel>(sensor))
+      throw Error("SlamSystem: sensor: expected a stillpoint.SensorModel or None, found " +
+                  found_text(sensor));
+    settings.noise.sensor = sensor.cast<SensorModel>();
+    settings.noise.sensor.check();
+  }
   return std::make_unique<PySlam>(camera_of(camera, "SlamSystem: camera"), settings);
 }
 
@@ -172,9 +180,12 @@ void bind_slam(py::module_& m) {
       m, "SlamSystem",
       "RGB-D SLAM on static keypoints: tracking, local mapping, loop closing.\n\n"
       "The world is the first tracked camera. threaded: mapping in threads of its own; else the\n"
-      "same input gives the same trajectory. features: keypoints per frame.");
+      "same input gives the same trajectory. features: keypoints per frame. sensor: SensorModel, "
+      "what\n"
+      "the depth is worth; None: kinect_v1.");
   cls.def(py::init(&make_slam), py::arg("camera"), py::kw_only(), py::arg("features") = 1000,
-          py::arg("threaded") = false, py::arg("loop_closing") = true);
+          py::arg("threaded") = false, py::arg("loop_closing") = true,
+          py::arg("sensor") = py::none());
   bind_steps(cls);
   cls.def("trajectory", reader([](auto& s) { return trajectory_to_python(s.trajectory()); }),
           "Poses of all tracked frames as they are known now.")

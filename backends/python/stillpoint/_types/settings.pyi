@@ -87,6 +87,7 @@ class SensorModel(_Settings):
     depth_floor_m: float
     depth_slope: float
     depth_square: float
+    depth_systematic: float
     sigmas: float
     delay_s: float
     readout_s: float

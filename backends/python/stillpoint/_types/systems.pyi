@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 from stillpoint._types.arrays import Depth, Floats, Image, Mask, Path, Segmented
 from stillpoint._types.frames import Camera, RgbdFrame, Trajectory
 from stillpoint._types.front_end import FrontEnd, Segmenter, Selection
-from stillpoint._types.settings import DenseMapSettings, SyntheticSettings
+from stillpoint._types.settings import DenseMapSettings, SensorModel, SyntheticSettings
 
 class DetectionThread(Segmenter):
     def __init__(self, segmenter: Segmenter) -> None: ...
@@ -56,6 +56,7 @@ class SlamSystem:
         features: int = 1000,
         threaded: bool = False,
         loop_closing: bool = True,
+        sensor: SensorModel | None = None,
     ) -> None: ...
     def process(
         self,
