@@ -32,6 +32,8 @@ void for_each_setting(Settings& s, const Visit& visit) {
   visit("compensation.max_prediction_s", s.compensation.max_prediction_s);
   visit("compensation.max_unnamed_s", s.compensation.max_unnamed_s);
   visit("compensation.max_speed_m_s", s.compensation.max_speed_m_s);
+  visit("compensation.sudden_share", s.compensation.sudden_share);
+  visit("compensation.sudden_results", s.compensation.sudden_results);
   visit("depth.cell_px", s.depth.cell_px);
   visit("depth.range_m", s.depth.range_m);
   visit("depth.growth_m", s.depth.growth_m);

@@ -30,6 +30,7 @@
 #include "stillpoint/segmentation/forward_predictor.hpp"
 #include "stillpoint/segmentation/segmentation_compensator.hpp"
 #include "stillpoint/segmentation/segmenter.hpp"
+#include "stillpoint/segmentation/sudden_object_filter.hpp"
 #include "stillpoint/sensor/sensor_model.hpp"
 
 namespace stillpoint {
@@ -121,6 +122,7 @@ class BasicFrontEnd {
         motion_(settings.motion, settings.sensor),
         blur_(settings.blur, camera),
         predictor_(settings.late, settings.compensation, camera),
+        sudden_(settings.compensation),
         compensator_(settings.compensation, camera),
         fuser_(settings.depth, camera),
         filter_(settings.probability) {
@@ -289,6 +291,10 @@ class BasicFrontEnd {
     // Without a segmenter, nothing can come late.
     if (segmenter_ || &segmentation != &segmented_) predictor_.forward(context_, dynamic_);
     const std::vector<Instance>& movers = motion_.found();
+    doubted_ = settings_.use_compensation && segmentation.available
+                   ? sudden_.filter(dynamic_.timestamp, context_.size(), compensator_.objects(),
+                                    movers, dynamic_.instances)
+                   : 0;
     dynamic_.instances.insert(dynamic_.instances.end(), movers.begin(), movers.end());
     if (ego_.status() & kTimestampOrder)
       newest_result_s_ = -std::numeric_limits<double>::infinity();
@@ -308,6 +314,7 @@ class BasicFrontEnd {
     stats_.timestamp = context_.frame.timestamp;
     stats_.blur = context_.blur.whole;
     stats_.status = fuser_.status() | predictor_.status() | ego_.status();
+    if (doubted_ > 0) stats_.status |= kObjectDoubted;
     stats_.moving = static_cast<int>(motion_.found().size());
     stats_.restored = 0;
     if (!dynamic_.available) stats_.status |= kNoSegmentation;
@@ -332,12 +339,14 @@ class BasicFrontEnd {
   MotionCheck motion_;
   BlurMeter blur_;
   ForwardPredictor predictor_;
+  SuddenObjectFilter sudden_;
   SegmentationCompensator compensator_;
   DepthMaskFuser fuser_;
   ProbabilisticKeypointFilter<NeighborSearch> filter_;
   Segmentation segmented_, dynamic_;
   std::vector<Instance> raw_instances_;
   DynamicMask mask_;
+  int doubted_ = 0;  // instances of the last frame
   double newest_result_s_ = -std::numeric_limits<double>::infinity();
   double age_s_ = std::numeric_limits<double>::infinity();  // of it, at the last frame
   FrameStats stats_;

@@ -480,6 +480,25 @@ TEST(FrontEnd, BelievesNoMaskOnWhatIsKnownToBeStatic) {
   }
 }
 
+TEST(FrontEnd, DoubtsAPersonWhoSuddenlyFillsTheImage) {
+  const FlatScene scene;
+  FrontEnd front_end(FrontEndSettings(), scene.camera());
+  for (int i = 0; i < 12; ++i) {
+    Segmentation segmentation;
+    segmentation.available = true;
+    segmentation.timestamp = i / 30.0 + 1;
+    const bool false_person = i == 3 || i == 4 || i == 8;
+    if (false_person) {
+      segmentation.instances.emplace_back();
+      segmentation.instances[0].class_name = "person";
+      segmentation.instances[0].box = cv::Rect(10, 5, 300, 230);
+    }
+    front_end.compute_mask(scene.frame(segmentation.timestamp, {}), segmentation);
+    EXPECT_EQ(front_end.stats().mask_share, 0) << i;
+    EXPECT_EQ((front_end.stats().status & kObjectDoubted) != 0, false_person) << i;
+  }
+}
+
 TEST(FrontEnd, TakesAnotherSizeOnTheWay) {
   for (const FrontEndSettings& settings : {FrontEndSettings(), FrontEndSettings::with_motion()}) {
     Walk walk;

@@ -841,6 +841,10 @@ TEST(SegmentationCompensator, RefusesSettingsWithoutSense) {
   EXPECT_ERROR(SegmentationCompensator{s}, "max_unnamed_s");
   s = Settings(), s.max_prediction_s = std::nan("");
   EXPECT_ERROR(SegmentationCompensator{s}, "max_prediction_s");
+  s = Settings(), s.sudden_share = 0;
+  EXPECT_ERROR(SegmentationCompensator{s}, "sudden_share");
+  s = Settings(), s.sudden_results = 0;
+  EXPECT_ERROR(SegmentationCompensator{s}, "sudden_results");
   s = Settings(), s.max_speed_m_s = -1;
   EXPECT_ERROR(SegmentationCompensator{s}, "max_speed_m_s");
 }

@@ -35,6 +35,9 @@ void bind_paper_stages(py::module_& m) {
            "How long an object is carried along without being seen, seconds.")
       .add("max_unnamed_s", &Compensation::max_unnamed_s,
            "The same for an object without a class, seconds.")
+      .add("sudden_share", &Compensation::sudden_share,
+           "What suddenly covers more of the image is doubted; 1: nothing is.")
+      .add("sudden_results", &Compensation::sudden_results, "Until so many results show it.")
       .add("max_speed_m_s", &Compensation::max_speed_m_s, "Bound on an object's speed, m/s.")
       .add_preset("paper", &Compensation::paper, "The paper's method, changed by keywords.");
   SettingsClass<Depth>(m, depth, "DepthMaskFuserSettings",

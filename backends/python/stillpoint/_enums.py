@@ -19,6 +19,7 @@ class FrameStatus(enum.IntFlag):
     SEGMENTER_FAILED = 1 << 8
     TIMESTAMP_ORDER = 1 << 9
     POSE_REFUSED = 1 << 10
+    OBJECT_DOUBTED = 1 << 11
 
 
 class KeypointReason(enum.IntEnum):

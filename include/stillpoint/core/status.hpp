@@ -21,6 +21,7 @@ enum FrameStatus : std::uint32_t {
   kSegmenterFailed = 1u << 8,  ///< the segmenter threw; its message is in FrameStats
   kTimestampOrder = 1u << 9,   ///< timestamp not after the last one: history was forgotten
   kPoseRefused = 1u << 10,     ///< the host told a pose that is not finite or no rigid motion
+  kObjectDoubted = 1u << 11,   ///< an object that suddenly covered much of the image was left out
 };
 
 /// Names of the bits that are set, for logs and statistics.
@@ -28,7 +29,7 @@ inline std::vector<std::string> status_names(std::uint32_t status) {
   static const char* const names[] = {"no_segmentation", "never_segmented", "mask_stale",
                                       "restored",        "mask_too_large",  "no_depth",
                                       "no_keypoints",    "keypoint_floor",  "segmenter_failed",
-                                      "timestamp_order", "pose_refused"};
+                                      "timestamp_order", "pose_refused",    "object_doubted"};
   std::vector<std::string> set;
   for (unsigned i = 0; i < sizeof(names) / sizeof(names[0]); ++i)
     if (status & (1u << i)) set.push_back(names[i]);

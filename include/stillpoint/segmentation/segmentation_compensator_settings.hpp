@@ -48,6 +48,11 @@ struct SegmentationCompensatorSettings {
   /// again as soon as it moves, and the depth says whether it is still there. Each second of being
   /// seen gives three more than max_prediction_s, up to this.
   double max_unnamed_s = 1.8;
+  /// An object with a name that appears from one result to the next over more than this share of
+  /// the image is doubted (SuddenObjectFilter) until it is in `sudden_results` results in a row. 1:
+  /// none is.
+  double sudden_share = 0.3;
+  int sudden_results = 3;
   /// Bound on an object's own speed.
   double max_speed_m_s = 3;
 
@@ -59,6 +64,7 @@ struct SegmentationCompensatorSettings {
     settings.corner_history = true;
     settings.use_depth = false;
     settings.sharp_px = 0;
+    settings.sudden_share = 1;
     return settings;
   }
 
@@ -76,6 +82,9 @@ struct SegmentationCompensatorSettings {
     if (!(sharp_px >= 0)) fail("sharp_px", "at least 0", sharp_px);
     if (!(max_prediction_s >= 0)) fail("max_prediction_s", "at least 0", max_prediction_s);
     if (!(max_unnamed_s >= 0)) fail("max_unnamed_s", "at least 0", max_unnamed_s);
+    if (!(sudden_share > 0 && sudden_share <= 1))
+      fail("sudden_share", "more than 0, at most 1", sudden_share);
+    if (sudden_results < 1) fail("sudden_results", "at least 1", sudden_results);
     if (!(max_speed_m_s >= 0)) fail("max_speed_m_s", "at least 0", max_speed_m_s);
   }
 };

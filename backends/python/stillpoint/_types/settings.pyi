@@ -23,6 +23,8 @@ class SegmentationCompensatorSettings(_Settings):
     sharp_px: float
     max_prediction_s: float
     max_unnamed_s: float
+    sudden_share: float
+    sudden_results: int
     max_speed_m_s: float
     @staticmethod
     def paper(**changes: Any) -> SegmentationCompensatorSettings: ...

@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <limits>
+#include <opencv2/core.hpp>
+#include <vector>
+
+#include "stillpoint/core/instance.hpp"
+#include "stillpoint/segmentation/remembered_object.hpp"
+#include "stillpoint/segmentation/segmentation_compensator_settings.hpp"
+
+namespace stillpoint {
+
+/// Leaves out what a detector suddenly sees all over the image: nobody fills a third of it from one
+/// frame to the next, but a detector takes a blurred desk for a person. Such an object counts once
+/// several results in a row show it, or at once where something moves in it, where a remembered
+/// object is, or after a pause of the segmenter.
+class SuddenObjectFilter {
+ public:
+  using Settings = SegmentationCompensatorSettings;
+
+  explicit SuddenObjectFilter(const Settings& settings = {}) : settings_(settings) {}
+
+  /// Takes the doubtful instances out of a result of time `result_s` (seconds) for an image of
+  /// `size`. `known`: the objects of the last frame; `movers`: instances that surely move. Returns
+  /// how many it took out. O(instances x objects).
+  int filter(double result_s, const cv::Size& size, const std::vector<RememberedObject>& known,
+             const std::vector<Instance>& movers, std::vector<Instance>& instances) {
+    const bool paused = !(result_s - last_s_ <= kPauseS && result_s >= last_s_);
+    last_s_ = result_s;
+    if (paused) candidates_.clear();
+    next_.clear();
+    const auto doubtful = [&](const Instance& s) {
+      const double share = static_cast<double>(s.box.area()) / size.area();
+      if (paused || s.class_name.empty() || share <= settings_.sudden_share) return false;
+      const auto inside = [&](const cv::Rect& box, double least) {
+        return (box & s.box).area() > least * box.area();
+      };
+      for (const RememberedObject& object : known)
+        if (!object.class_name.empty() && inside(object.box(), kKnownShare)) return false;
+      int moving_px = 0;
+      for (const Instance& mover : movers)
+        if (inside(mover.box, 0.5)) moving_px += mover.box.area();
+      if (moving_px > kMovingShare * s.box.area()) return false;
+      int results = 1;
+      for (const Candidate& c : candidates_)
+        if (2 * (c.box & s.box).area() > (c.box | s.box).area())
+          results = std::max(results, c.results + 1);
+      next_.push_back({s.box, results});
+      return results < settings_.sudden_results;
+    };
+    const std::size_t given = instances.size();
+    instances.erase(std::remove_if(instances.begin(), instances.end(), doubtful), instances.end());
+    std::swap(candidates_, next_);
+    return static_cast<int>(given - instances.size());
+  }
+
+ private:
+  static constexpr double kPauseS = 0.15;      // longer: people may have come close meanwhile
+  static constexpr double kKnownShare = 0.25;  // of a known object's box
+  static constexpr double kMovingShare = 0.1;  // of the doubtful one's box
+
+  struct Candidate {
+    cv::Rect box;
+    int results;
+  };
+
+  Settings settings_;
+  double last_s_ = -std::numeric_limits<double>::infinity();
+  std::vector<Candidate> candidates_, next_;
+};
+
+}  // namespace stillpoint

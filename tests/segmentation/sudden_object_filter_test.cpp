@@ -1,0 +1,100 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "stillpoint/segmentation/sudden_object_filter.hpp"
+
+#include <gtest/gtest.h>
+
+#include <opencv2/core.hpp>
+#include <vector>
+
+namespace {
+
+using namespace stillpoint;
+
+const cv::Size kSize(640, 480);
+const cv::Rect kHuge(20, 10, 600, 460), kSmall(300, 200, 80, 200);
+
+Instance person(const cv::Rect& box, const char* name = "person") {
+  Instance s;
+  s.class_name = name;
+  s.box = box;
+  return s;
+}
+
+struct Detector {
+  SuddenObjectFilter filter;
+  std::vector<RememberedObject> known;
+  std::vector<Instance> movers;
+  double time_s = 1;
+  int taken_out = 0;
+
+  explicit Detector(const SegmentationCompensatorSettings& settings = {}) : filter(settings) {
+    result({});  // there was nothing
+  }
+
+  // How many are left.
+  std::size_t result(std::vector<Instance> instances, double later_s = 0.033) {
+    time_s += later_s;
+    taken_out = filter.filter(time_s, kSize, known, movers, instances);
+    return instances.size();
+  }
+};
+
+TEST(SuddenObjectFilter, DoubtsWhatFillsTheImageUntilTheThirdResult) {
+  Detector d;
+  EXPECT_EQ(d.result({person(kHuge), person(kSmall)}), 1u);
+  EXPECT_EQ(d.taken_out, 1);
+  EXPECT_EQ(d.result({person(kHuge)}), 0u);
+  EXPECT_EQ(d.result({person(kHuge)}), 1u);
+  EXPECT_EQ(d.taken_out, 0);
+}
+
+TEST(SuddenObjectFilter, ResultsMustBeInARowAndInOnePlace) {
+  Detector d;
+  for (int i = 0; i < 6; ++i) {
+    EXPECT_EQ(d.result({person(kHuge)}), 0u) << i;
+    EXPECT_EQ(d.result({person(kHuge)}), 0u) << i;
+    EXPECT_EQ(d.result({}), 0u) << i;
+  }
+  const cv::Rect left(0, 0, 300, 480), right(320, 0, 320, 480);
+  for (int i = 0; i < 6; ++i) EXPECT_EQ(d.result({person(i % 2 ? left : right)}), 0u) << i;
+}
+
+TEST(SuddenObjectFilter, BelievesWhoMovesAndWhoIsKnown) {
+  Detector d;
+  d.movers = {person({100, 100, 200, 300}, "")};
+  EXPECT_EQ(d.result({person(kHuge)}), 1u);
+  d.movers.clear();
+  d.result({});
+
+  cv::Mat gray(kSize, CV_8UC1, cv::Scalar(90));
+  d.known.resize(1);
+  const Instance before = person({100, 50, 250, 300});
+  d.known[0].observe(gray, DepthView(), before, nullptr);
+  EXPECT_EQ(d.result({person(kHuge)}), 1u);
+  d.known[0].class_name.clear();  // a mover that the segmenter never named
+  d.result({});
+  EXPECT_EQ(d.result({person(kHuge)}), 0u);
+}
+
+TEST(SuddenObjectFilter, BelievesTheFirstResultAndTheFirstAfterAPause) {
+  SuddenObjectFilter filter;
+  std::vector<Instance> found{person(kHuge)};
+  EXPECT_EQ(filter.filter(5, kSize, {}, {}, found), 0);
+  Detector d;
+  EXPECT_EQ(d.result({person(kHuge)}, 0.25), 1u);  // 4 Hz: people come close between two results
+  EXPECT_EQ(d.result({person(kHuge)}, -3), 1u);    // another sequence
+}
+
+TEST(SuddenObjectFilter, LeavesObjectsWithoutAClassAndSettingsDecide) {
+  Detector d;
+  EXPECT_EQ(d.result({person(kHuge, "")}), 1u);
+  SegmentationCompensatorSettings settings;
+  settings.sudden_results = 2;
+  Detector two(settings);
+  EXPECT_EQ(two.result({person(kHuge)}), 0u);
+  EXPECT_EQ(two.result({person(kHuge)}), 1u);
+  Detector paper(SegmentationCompensatorSettings::paper());
+  EXPECT_EQ(paper.result({person({0, 0, 640, 480})}), 1u);
+}
+
+}  // namespace
