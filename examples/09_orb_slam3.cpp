@@ -4,9 +4,10 @@
 // beside the adapter, backends/orb_slam3/orb_slam3.patch; docs/orb_slam3.md says how. For ORB_SLAM2
 // write 2 for 3 in three places.
 //
-// Usage: 09_orb_slam3 VOCABULARY SETTINGS SEQUENCE MASKS TRAJECTORY
+// Usage: stillpoint_runner VOCABULARY SETTINGS SEQUENCE MASKS TRAJECTORY
 //   SEQUENCE: a TUM folder with associations.txt   MASKS: its folder of labels; `none`: the front
 //   end without a network; `off`: the host alone   TRAJECTORY: to be written
+// A frame that can't be read ends the run; the trajectory up to it is written all the same.
 
 #include <System.h>
 
@@ -14,6 +15,7 @@
 #include <chrono>
 #include <fstream>
 #include <iostream>
+#include <opencv2/core/utils/filesystem.hpp>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <sstream>
@@ -36,27 +38,64 @@ std::vector<Entry> read_associations(const std::string& folder) {
     if (line[0] != '#' && words >> e.timestamp >> e.color >> ignored >> e.depth)
       entries.push_back(e);
   }
+  if (entries.empty())
+    throw stillpoint::Error(folder +
+                            "/associations.txt: expected lines of `time color time depth`");
   return entries;
 }
 
-// The people in a picture of labels, 0 = background, named like the color picture; without such a
-// file the network has no result, and the front end predicts.
-stillpoint::Segmentation read_people(const std::string& masks, const Entry& entry) {
+cv::Mat read_image(const std::string& file, int flags) {
+  const cv::Mat image = cv::imread(file, flags);
+  if (image.empty()) throw stillpoint::Error(file + ": missing, or no image");
+  return image;
+}
+
+cv::Mat read_labels(const std::string& file) {
+  const cv::Mat labels = read_image(file, cv::IMREAD_UNCHANGED);
+  if (labels.type() != CV_8UC1)
+    throw stillpoint::Error(file +
+                            ": expected labels, one channel of 8 bits, 0 = background; found " +
+                            std::to_string(labels.channels()) + " of " +
+                            std::to_string(8 * labels.elemSize1()) + " bits");
+  return labels;
+}
+
+// A mask is named like the color image.
+std::string mask_file(const std::string& masks, const Entry& entry) {
   const std::size_t slash = entry.color.rfind('/') + 1;
-  const std::string stem = entry.color.substr(slash, entry.color.rfind('.') - slash);
-  const std::string file = masks + "/" + stem + ".png";
+  return masks + "/" + entry.color.substr(slash, entry.color.rfind('.') - slash) + ".png";
+}
+
+// Without this, a mistyped folder would be a network that has no result in any frame.
+void check_masks(const std::string& masks, const std::vector<Entry>& entries) {
+  if (!cv::utils::fs::isDirectory(masks))
+    throw stillpoint::Error(masks + ": no such folder of masks (or `none`, or `off`)");
+  std::size_t found = 0;
+  for (const Entry& entry : entries)
+    if (std::ifstream(mask_file(masks, entry)) && found++ == 0)
+      read_labels(mask_file(masks, entry));
+  if (found == 0)
+    throw stillpoint::Error(masks + ": no frame has a mask there; expected names like " +
+                            mask_file(masks, entries[0]));
+  std::cout << found << " of " << entries.size() << " frames have a mask" << std::endl;
+}
+
+// The people in an image of labels, 0 = background, k = person k; with 0 and 255 only, each
+// connected part is one. Without a file the network has no result, and the front end predicts.
+stillpoint::Segmentation read_people(const std::string& masks, const Entry& entry) {
+  const std::string file = mask_file(masks, entry);
   stillpoint::Segmentation people;
   if (!std::ifstream(file)) return people;
-  const cv::Mat labels = cv::imread(file, cv::IMREAD_UNCHANGED);
-  if (labels.type() != CV_8UC1) return people;
+  cv::Mat labels = read_labels(file);
   people.available = true;
   people.timestamp = entry.timestamp;
+  const bool parts = cv::countNonZero(labels) == cv::countNonZero(labels == 255);
+  if (parts) cv::connectedComponents(labels.clone(), labels, 8, CV_16U);
   double most = 0;
   cv::minMaxLoc(labels, nullptr, &most);
-  for (int k = 1; k <= static_cast<int>(most); ++k) {
-    const stillpoint::Instance person = stillpoint::instance_from_mask(labels == k);
-    if (person.box.area() > 0) people.instances.push_back(person);
-  }
+  for (int k = 1; k <= static_cast<int>(most); ++k)
+    if (cv::countNonZero(labels == k) >= (parts ? 50 : 1))
+      people.instances.push_back(stillpoint::instance_from_mask(labels == k));
   return people;
 }
 
@@ -92,6 +131,7 @@ int main(int argc, char** argv) try {
   const std::string folder = argv[3], masks = argv[4];
   const bool alone = masks == "off";
   const std::vector<Entry> entries = read_associations(folder);
+  if (!alone && masks != "none") check_masks(masks, entries);
   const stillpoint::Camera camera = read_camera(argv[2]);
   stillpoint::HostSettings host;
   host.use_motion = true;  // also what no network names
@@ -99,40 +139,45 @@ int main(int argc, char** argv) try {
   ORB_SLAM3::System slam(argv[1], argv[2], ORB_SLAM3::System::RGBD, false);
 
   int tracked = 0;
+  std::string failure;
   double kept = 0, extracted = 0;
   std::vector<double> mask_ms, hook_ms, total_ms;
-  for (const Entry& entry : entries) {
-    stillpoint::RgbdFrame frame;
-    frame.color = cv::imread(folder + "/" + entry.color, cv::IMREAD_COLOR);
-    frame.depth = cv::imread(folder + "/" + entry.depth, cv::IMREAD_UNCHANGED);
-    frame.timestamp = entry.timestamp;
-    frame.depth_units_per_m = camera.depth_units_per_m;
-    const stillpoint::Segmentation people =
-        alone || masks == "none" ? stillpoint::Segmentation() : read_people(masks, entry);
+  for (const Entry& entry : entries) try {
+      stillpoint::RgbdFrame frame;
+      frame.color = read_image(folder + "/" + entry.color, cv::IMREAD_COLOR);
+      frame.depth = read_image(folder + "/" + entry.depth, cv::IMREAD_UNCHANGED);
+      frame.timestamp = entry.timestamp;
+      frame.depth_units_per_m = camera.depth_units_per_m;
+      const stillpoint::Segmentation people =
+          alone || masks == "none" ? stillpoint::Segmentation() : read_people(masks, entry);
 
-    const auto start = std::chrono::steady_clock::now();
-    if (alone) {
-      slam.TrackRGBD(frame.color, frame.depth, frame.timestamp);
-      tracked += slam.GetTrackingState() == 2;
-    } else {
-      tracked += stillpoint::orb_slam3::track_rgbd(slam, front_end, frame, people);
+      const auto start = std::chrono::steady_clock::now();
+      if (alone) {
+        slam.TrackRGBD(frame.color, frame.depth, frame.timestamp);
+        tracked += slam.GetTrackingState() == 2;
+      } else {
+        tracked += stillpoint::orb_slam3::track_rgbd(slam, front_end, frame, people);
+      }
+      const std::chrono::duration<double> took = std::chrono::steady_clock::now() - start;
+      const stillpoint::HostStats stats = front_end.stats();
+      total_ms.push_back(1000 * took.count());
+      mask_ms.push_back(stats.mask_ms);
+      hook_ms.push_back(stats.hook_ms);
+      kept += stats.kept, extracted += stats.keypoints;
+      // As fast as the camera, so that the host's other threads have their time.
+      std::this_thread::sleep_for(std::chrono::duration<double>(1.0 / 30) - took);
+    } catch (const std::exception& error) {
+      failure = "frame " + std::to_string(total_ms.size() + 1) + " of " +
+                std::to_string(entries.size()) + ": " + error.what();
+      break;
     }
-    const std::chrono::duration<double> took = std::chrono::steady_clock::now() - start;
-    const stillpoint::HostStats stats = front_end.stats();
-    total_ms.push_back(1000 * took.count());
-    mask_ms.push_back(stats.mask_ms);
-    hook_ms.push_back(stats.hook_ms);
-    kept += stats.kept, extracted += stats.keypoints;
-    // As fast as the camera, so that the host's other threads have their time.
-    std::this_thread::sleep_for(std::chrono::duration<double>(1.0 / 30) - took);
-  }
   slam.Shutdown();
-  slam.SaveTrajectoryTUM(argv[5]);
+  if (tracked > 0) slam.SaveTrajectoryTUM(argv[5]);  // the host needs a keyframe for it
 
   std::cout << tracked << " of " << entries.size() << " frames tracked, " << median(total_ms)
             << " ms per frame (median)";
-  if (!alone && !entries.empty()) {
-    const double n = static_cast<double>(entries.size());
+  if (!alone && !total_ms.empty()) {
+    const double n = static_cast<double>(total_ms.size());
     std::cout << ", of these mask " << median(mask_ms) << ", hook " << median(hook_ms) << "; "
               << kept / n << " of " << extracted / n
               << " keypoints kept; for 1000 static ones set nFeatures to "
@@ -142,6 +187,10 @@ int main(int argc, char** argv) try {
           << "\nThe hook was never called: is its line in Frame.cc, and the library built anew?";
   }
   std::cout << "\n";
+  if (tracked == 0) std::cout << "No trajectory is written: no frame was tracked.\n";
+  if (failure.empty()) return 0;
+  std::cerr << failure << "\n";
+  return 1;
 } catch (const std::exception& error) {
   std::cerr << error.what() << "\n";
   return 1;
