@@ -93,9 +93,11 @@ stillpoint::Segmentation read_people(const std::string& masks, const Entry& entr
   if (parts) cv::connectedComponents(labels.clone(), labels, 8, CV_16U);
   double most = 0;
   cv::minMaxLoc(labels, nullptr, &most);
-  for (int k = 1; k <= static_cast<int>(most); ++k)
-    if (cv::countNonZero(labels == k) >= (parts ? 50 : 1))
-      people.instances.push_back(stillpoint::instance_from_mask(labels == k));
+  for (int k = 1; k <= static_cast<int>(most); ++k) {
+    const cv::Mat person = labels == k;
+    if (cv::countNonZero(person) >= (parts ? 50 : 1))
+      people.instances.push_back(stillpoint::instance_from_mask(person));
+  }
   return people;
 }
 
