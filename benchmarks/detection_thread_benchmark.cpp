@@ -123,7 +123,7 @@ STILLPOINT_CASE(4_hz, FrontEndSettings(), 0.25, false);
 STILLPOINT_CASE(4_hz_busy, FrontEndSettings(), 0.25, true);
 STILLPOINT_CASE(30_hz, FrontEndSettings(), 0.033, false);
 STILLPOINT_CASE(hangs_10_s, FrontEndSettings(), 10, false);
-STILLPOINT_CASE(4_hz_motion, FrontEndSettings::with_motion(), 0.25, false);
+STILLPOINT_CASE(4_hz_network_only, FrontEndSettings::network_only(), 0.25, false);
 
 }  // namespace
 }  // namespace bench

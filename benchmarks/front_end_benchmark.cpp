@@ -49,7 +49,7 @@ void BM_FrontEnd(benchmark::State& state, const FrontEndSettings& settings) {
 }
 BENCHMARK_CAPTURE(BM_FrontEnd, default, FrontEndSettings())->Unit(benchmark::kMicrosecond);
 BENCHMARK_CAPTURE(BM_FrontEnd, paper, FrontEndSettings::paper())->Unit(benchmark::kMicrosecond);
-BENCHMARK_CAPTURE(BM_FrontEnd, motion, FrontEndSettings::with_motion())
+BENCHMARK_CAPTURE(BM_FrontEnd, network_only, FrontEndSettings::network_only())
     ->Unit(benchmark::kMicrosecond);
 
 // --- how cost grows ---------------------------------------------------------------------------

@@ -51,7 +51,7 @@ def cost(name, camera, arrays, labels, settings, keypoints):
     for call, times in calls.items():
         python, cpp = (statistics.median(t) for t in zip(*times))
         more = statistics.median(a - b for a, b in times)
-        print(f"{name:8} {call:13} {cpp:7.3f} ms in C++, {more:6.3f} ms more: x {python / cpp:.3f}")
+        print(f"{name:12} {call:13} {cpp:7.3f} ms in C++, {more:6.3f} ms more: x {python / cpp:.3f}")
 
 
 def two_cameras(camera, arrays, labels, settings):
@@ -89,10 +89,10 @@ def two_cameras(camera, arrays, labels, settings):
 def main():
     camera, arrays, labels = scene()
     keypoints = np.random.default_rng(0).uniform((0, 0), (639, 479), (1000, 2)).astype(np.float32)
-    default, motion = stillpoint.FrontEndSettings(), stillpoint.FrontEndSettings.with_motion()
-    cost("default", camera, arrays, labels, default, keypoints)
-    cost("motion", camera, arrays, labels, motion, keypoints)
-    two_cameras(camera, arrays, labels, motion)
+    for name in "default", "network_only":
+        settings = stillpoint.FrontEndSettings.preset(name)
+        cost(name, camera, arrays, labels, settings, keypoints)
+    two_cameras(camera, arrays, labels, stillpoint.FrontEndSettings())
 
 
 if __name__ == "__main__":

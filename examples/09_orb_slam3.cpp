@@ -135,9 +135,7 @@ int main(int argc, char** argv) try {
   const std::vector<Entry> entries = read_associations(folder);
   if (!alone && masks != "none") check_masks(masks, entries);
   const stillpoint::Camera camera = read_camera(argv[2]);
-  stillpoint::HostSettings host;
-  host.use_motion = true;  // also what no network names
-  stillpoint::HostFrontEnd front_end(camera, host);
+  stillpoint::HostFrontEnd front_end(camera);
   ORB_SLAM3::System slam(argv[1], argv[2], ORB_SLAM3::System::RGBD, false);
 
   int tracked = 0;

@@ -31,9 +31,7 @@ int main(int argc, char** argv) try {
   if (!alone && masks != "none")
     segmenter =
         std::make_unique<stillpoint::MaskFilesSegmenter>(masks, stillpoint::frame_names(sequence));
-  // The motion preset: also what no network names.
-  stillpoint::FrontEnd front_end(stillpoint::FrontEndSettings::with_motion(), camera,
-                                 segmenter.get());
+  stillpoint::FrontEnd front_end({}, camera, segmenter.get());
 
   stella_vslam::system slam(std::make_shared<stella_vslam::config>(argv[2]), argv[1]);
   slam.startup();

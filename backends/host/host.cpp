@@ -26,13 +26,11 @@ double milliseconds_since(Clock::time_point start) {
 }
 
 FrontEndSettings front_end_settings(const HostSettings& settings) {
-  FrontEndSettings s = settings.paper        ? FrontEndSettings::paper()
-                       : settings.use_motion ? FrontEndSettings::with_motion()
-                                             : FrontEndSettings();
-  s.use_compensation = settings.use_compensation;
-  s.use_depth = settings.use_depth;
-  s.use_probability = settings.use_probability;
-  s.use_motion = settings.use_motion;
+  FrontEndSettings s = FrontEndSettings::preset(settings.preset);
+  s.dynamic_classes = settings.dynamic_classes;
+  s.depth.dilation_px = settings.dilation_px;
+  s.blur.exposure_s = settings.exposure_s;
+  s.sensor = settings.sensor;
   return s;
 }
 
@@ -195,8 +193,7 @@ int HostFrontEnd::Impl::select(double timestamp, const cv::Point2f* points, int 
   const DynamicMask* mask = find(timestamp);
   if (!mask) return -1;
   auto& judge = started ? filter : start_filter;
-  const Selection& selection =
-      judge.filter(View{points, static_cast<std::size_t>(count)}, *mask, settings.use_probability);
+  const Selection& selection = judge.filter(View{points, static_cast<std::size_t>(count)}, *mask);
   std::copy(selection.kept.begin(), selection.kept.end(), kept);
   const int n = static_cast<int>(selection.kept.size());
   // Hosts that hand no poses back have started when they could have.

@@ -167,10 +167,8 @@ TEST(Host, FloorIsHighUntilTheHostHasStarted) {
 TEST(Host, PosesReachTheMotionCheck) {
   // Nobody is segmented; somebody walks through space that was seen to be free. Nothing in the
   // pictures tells the camera's motion, so only the host's poses can.
-  HostSettings settings = no_floor();
-  settings.use_motion = true;
-  HostFrontEnd host(kScene.camera(), settings), not_told(kScene.camera(), settings);
-  FrontEnd front_end(FrontEndSettings::with_motion(), kScene.camera());
+  HostFrontEnd host(kScene.camera(), no_floor()), not_told(kScene.camera(), no_floor());
+  FrontEnd front_end(FrontEndSettings(), kScene.camera());
   ConstantVelocity velocity;
   double last_s = 0;
   int found = 0;
@@ -220,6 +218,10 @@ TEST(Host, SlipsAreErrorsThatSayWhat) {
   HostSettings settings;
   settings.min_keypoints = -1;
   EXPECT_ERROR(HostFrontEnd(Camera(), settings), "min_keypoints", "found -1");
+  settings = HostSettings();
+  settings.preset = "motion";
+  EXPECT_ERROR(HostFrontEnd(Camera(), settings), "default, network_only or paper",
+               "found \"motion\"");
   HostFrontEnd front_end(kScene.camera());
   RgbdFrame frame = kScene.frame(kStart_s, {});
   frame.depth = frame.depth.colRange(0, 100);
@@ -237,9 +239,53 @@ TEST(Host, SlipsAreErrorsThatSayWhat) {
                "found 10");
 }
 
+// What the library's own front end makes of the same settings.
+TEST(Host, SettingsReachTheFrontEnd) {
+  Segmentation cat = result({box_instance(kPerson.box, kScene.size)});
+  cat.instances[0].class_name = "cat";
+  const auto mask_of = [&](const HostSettings& settings) {
+    HostFrontEnd host(kScene.camera(), settings);
+    host.compute_mask(kScene.frame(kStart_s, {kPerson}), cat);
+    return host.mask();
+  };
+  HostSettings settings;
+  EXPECT_EQ(cv::countNonZero(mask_of(settings)), 0) << "no person";
+  settings.dynamic_classes = {"cat"};
+  const cv::Mat wide = mask_of(settings);
+  settings.dilation_px = 2;
+  const cv::Mat narrow = mask_of(settings);
+  EXPECT_GT(cv::countNonZero(narrow), kPerson.box.area() / 2);
+  EXPECT_EQ(cv::boundingRect(wide).width, cv::boundingRect(narrow).width + 2 * 4);  // 320 wide
+
+  // Exposure and sensor reach their owners, who refuse what makes no sense.
+  settings.exposure_s = -1;
+  EXPECT_ERROR(HostFrontEnd(Camera(), settings), "exposure_s", "found -1");
+  settings.exposure_s = 0.01;
+  settings.sensor.sigmas = -1;
+  EXPECT_ERROR(HostFrontEnd(Camera(), settings), "SensorModel.sigmas", "found -1");
+}
+
+TEST(Host, PresetsAreThoseOfTheFrontEnd) {
+  // Nobody is segmented: only the motion check finds who walks.
+  for (const char* preset : {"default", "network_only", "paper"}) {
+    HostSettings settings;
+    settings.preset = preset;
+    HostFrontEnd host(kScene.camera(), settings);
+    int found = 0;
+    for (int i = 0; i < 12; ++i) {
+      Figure person = kPerson;
+      person.box.x += 8 * i;
+      host.compute_mask(kScene.frame(kStart_s + i / 30.0, {person}), Segmentation());
+      host.correct_pose(kStart_s + i / 30.0, cv::Matx44d::eye());
+      found += host.stats().instances;
+    }
+    EXPECT_EQ(found > 3, preset == std::string("default")) << preset;
+  }
+}
+
 TEST(Host, MonoAndPaperRun) {
   HostSettings settings = no_floor();
-  settings.paper = true;
+  settings.preset = "paper";
   HostFrontEnd front_end(Camera(), settings);
   FlatScene scene;
   scene.with_depth = false, scene.color_channels = 1;

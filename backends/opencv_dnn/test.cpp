@@ -196,7 +196,7 @@ TEST_F(DnnGraphs, NanScoresAreAnError) {
 
 TEST_F(DnnGraphs, GoesOnWithPredictionsWhenScoresAreNan) {
   OpenCvDnnSegmenter segmenter(graph("nan"));
-  stillpoint::FrontEnd front_end({}, {}, &segmenter);
+  stillpoint::FrontEnd front_end(stillpoint::FrontEndSettings::network_only(), {}, &segmenter);
   front_end.compute_mask(plain_frame());
   EXPECT_TRUE(front_end.stats().status & stillpoint::kSegmenterFailed);
   EXPECT_NE(front_end.stats().segmenter_error.find("NaN"), std::string::npos);
@@ -215,7 +215,7 @@ TEST_F(DnnGraphs, TakesThousandsOfObjects) {
   EXPECT_EQ(best.instances[0].score, found.instances[0].score);
   for (std::size_t i = 1; i < found.instances.size(); ++i)
     ASSERT_GE(found.instances[i - 1].score, found.instances[i].score);
-  stillpoint::FrontEnd front_end({}, {}, &all);
+  stillpoint::FrontEnd front_end(stillpoint::FrontEndSettings::network_only(), {}, &all);
   EXPECT_NO_THROW(front_end.compute_mask(frame));
   EXPECT_EQ(front_end.stats().instances, 1000);
 }
@@ -328,7 +328,7 @@ TEST_P(RealWeights, MaskThePersonBeforeAFixedCamera) {
   const bool boxes = std::string(GetParam()) == "FastestDet.onnx";
   stillpoint::Camera camera;
   camera.fx = camera.fy = 525, camera.cx = 320, camera.cy = 240;
-  stillpoint::FrontEnd front_end({}, camera, &segmenter);
+  stillpoint::FrontEnd front_end(stillpoint::FrontEndSettings::network_only(), camera, &segmenter);
   const fs::path folder = fs::path(STILLPOINT_SHARED_DATA) / "real/person_static_camera/data";
   stillpoint::MaskMetrics fused, raw;
   const int step = std::getenv("STILLPOINT_ALL_FRAMES") ? 1 : 12;

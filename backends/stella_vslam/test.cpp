@@ -23,7 +23,7 @@ Segmentation seen(const Figure& figure) {
 TEST(StellaVslam, FeedsAFrameOfWhatIsStatic) {
   const FlatScene scene = large_scene();
   stella_vslam::system slam(nullptr, "");
-  FrontEnd front_end(FrontEndSettings(), scene.camera());
+  FrontEnd front_end(FrontEndSettings::network_only(), scene.camera());
   Adapter adapter(slam, front_end, scene.camera());
   for (int i = 0; i < 4; ++i) {
     const RgbdFrame frame = scene.frame(kStart_s + i / 30.0, {walker(i)});
@@ -84,7 +84,7 @@ TEST(StellaVslam, LooksTheMaskUpInTheRawPicture) {
       k.pt = cv::Point2f(static_cast<float>(p.x()), static_cast<float>(p.y()));
     }
   };
-  FrontEndSettings settings;
+  FrontEndSettings settings = FrontEndSettings::network_only();
   settings.use_compensation = settings.use_depth = settings.use_probability = false;
   FrontEnd front_end(settings, camera);
   Adapter adapter(slam, front_end, camera);
@@ -105,7 +105,7 @@ TEST(StellaVslam, LooksTheMaskUpInTheRawPicture) {
 TEST(StellaVslam, CanLeaveTheMaskToTheExtractor) {
   const FlatScene scene = large_scene();
   stella_vslam::system slam(nullptr, "");
-  FrontEnd front_end(FrontEndSettings(), scene.camera());
+  FrontEnd front_end(FrontEndSettings::network_only(), scene.camera());
   Adapter adapter(slam, front_end, scene.camera(), StellaMasking::kByExtractor);
   adapter.track_rgbd(scene.frame(kStart_s, {walker(0)}), seen(walker(0)));
   ASSERT_EQ(slam.last_mask.size(), scene.size);
@@ -128,7 +128,7 @@ TEST(StellaVslam, TakesAPoseThatIsNotFiniteForALostHost) {
         T(0, 3) = frame_number == 3 ? bad : 0.01 * frame_number;
         return std::make_shared<Eigen::Matrix4d>(T);
       };
-      FrontEnd front_end(FrontEndSettings::with_motion(), scene.camera());
+      FrontEnd front_end(FrontEndSettings(), scene.camera());
       Adapter adapter(slam, front_end, scene.camera());
       for (; frame_number < 10; ++frame_number) {
         adapter.track_rgbd(scene.frame(kStart_s + frame_number / 30.0, {walker(frame_number)}),
@@ -151,7 +151,7 @@ TEST(StellaVslam, HandsThePoseBackAndSurvivesALostHost) {
     T(0, 3) = 0.01 * frame_number;
     return std::make_shared<Eigen::Matrix4d>(T);
   };
-  FrontEnd front_end(FrontEndSettings::with_motion(), scene.camera());
+  FrontEnd front_end(FrontEndSettings(), scene.camera());
   Adapter adapter(slam, front_end, scene.camera());
   for (; frame_number < 6; ++frame_number) {
     const auto pose =

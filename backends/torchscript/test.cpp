@@ -277,7 +277,7 @@ TEST_F(TorchScript, NanScoresAreAnErrorThatTheFrontEndSurvives) {
   TorchScriptSegmenter segmenter(
       network({{"boxes", boxes}}, "def forward(self, x): return self.boxes"), at_64());
   EXPECT_ERROR(segmenter.segment(plain_frame()), "output0", "1 NaN");
-  stillpoint::FrontEnd front_end({}, {}, &segmenter);
+  stillpoint::FrontEnd front_end(stillpoint::FrontEndSettings::network_only(), {}, &segmenter);
   front_end.compute_mask(plain_frame());
   EXPECT_TRUE(front_end.stats().status & stillpoint::kSegmenterFailed);
 }

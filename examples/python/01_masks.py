@@ -7,7 +7,7 @@ import stillpoint
 
 sequence, out = stillpoint.TumSequence(sys.argv[1]), pathlib.Path(sys.argv[2])
 out.mkdir(parents=True, exist_ok=True)
-front_end = stillpoint.FrontEnd(sequence.camera, use_motion=True)
+front_end = stillpoint.FrontEnd(sequence.camera)
 for frame, stem in zip(sequence, sequence.stems):
     stillpoint.write_mask(out / f"{stem}.png", front_end.compute_mask(frame))  # 255 = dynamic
     print(front_end.stats)

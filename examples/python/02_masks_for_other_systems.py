@@ -51,7 +51,7 @@ def static_keypoints(front_end, keypoints, descriptors):
 
 def main():
     sequence = stillpoint.TumSequence(sys.argv[1])
-    front_end = stillpoint.FrontEnd(sequence.camera, use_motion=True)
+    front_end = stillpoint.FrontEnd(sequence.camera)
     rng = np.random.default_rng(0)
     for frame in sequence:
         mask = front_end.compute_mask(frame)

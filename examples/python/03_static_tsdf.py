@@ -9,7 +9,7 @@ import stillpoint
 
 sequence = stillpoint.TumSequence(sys.argv[1])
 camera = sequence.camera
-front_end = stillpoint.FrontEnd(camera, use_motion=True)
+front_end = stillpoint.FrontEnd(camera)
 slam = stillpoint.SlamSystem(camera)
 volume = o3d.pipelines.integration.ScalableTSDFVolume(
     voxel_length=0.02,

@@ -9,7 +9,7 @@ import matplotlib.pyplot as plt
 import stillpoint
 
 sequence = stillpoint.TumSequence(sys.argv[1])
-front_end = stillpoint.FrontEnd(sequence.camera, use_motion=True)
+front_end = stillpoint.FrontEnd(sequence.camera)
 slam = stillpoint.SlamSystem(sequence.camera)
 stats = []
 for frame in sequence:

@@ -56,7 +56,7 @@ void run_one(const BenchJob& job, const BenchOptions& options,
   outputs.series = true;
   const std::string& variant = job.variant.name;
   const bool shown =
-      job.run == 0 && (variant == "off" || variant == "default" || variant == "motion");
+      job.run == 0 && (variant == "off" || variant == "default" || variant == "network_only");
   if (shown) {
     outputs.overlays_dir = base.string() + ".overlays";
     outputs.overlays_jpeg = true;
@@ -310,6 +310,7 @@ void add_bench_command(CLI::App& app) {
   for (const Variant& v : variants()) names.push_back(v.name);
   choices(command->add_option("--variants", plan.variant_names, "Only these rows; with commas"),
           names)
+      ->transform(renamed({{"motion", "default"}, {"motion_alone", "no_masks"}}))
       ->allow_extra_args(false)
       ->delimiter(',')
       ->type_name("NAME,...");
@@ -329,7 +330,7 @@ void add_bench_command(CLI::App& app) {
   add_front_end_options(command, plan.common);
   command
       ->add_option("--vary", plan.vary,
-                   "Also the preset of `run` with one setting changed: dilation_px=0,5,10,20")
+                   "Also the default preset with one setting changed: dilation_px=0,5,10,20")
       ->allow_extra_args(false)
       ->type_name("NAME=N,...");
   command
@@ -352,8 +353,8 @@ void add_bench_command(CLI::App& app) {
           1, 256);
   command->add_flag("--fresh", options->fresh, "Run everything again, also what is there");
   command->footer(R"(
-Variants: off, paper, default, no_compensation, no_depth, no_probability, motion (with the motion
-check), motion_alone (and without masks), truth (masks_gt as masks, nothing to repair).
+Variants: off, paper, network_only (without the motion check), default, no_compensation, no_depth,
+no_probability, no_masks (the motion check alone), truth (masks_gt as masks, nothing to repair).
 
 Examples:
   stillpoint bench walk_xyz walk_rpy --out bench

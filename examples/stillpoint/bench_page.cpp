@@ -173,8 +173,8 @@ bool is_estimate(const Json& result) {
 /// The variant that stands for "front end on": what `stillpoint run` takes, if it is here.
 std::string variant_on(const std::vector<const Json*>& results) {
   for (const Json* r : results)
-    if ((*r)["job"]["variant"] == "motion" && r->contains("stats")) return "motion";
-  return "default";
+    if ((*r)["job"]["variant"] == "default" && r->contains("stats")) return "default";
+  return "network_only";
 }
 
 /// The runs whose curves are drawn: the first run of these variants, and other systems' estimates.
@@ -199,7 +199,7 @@ std::string color_of(const Json& result, std::size_t position) {
   if (variant == "off") return "#d55e00";
   if (variant == "paper") return "#cc79a7";
   if (variant == "truth") return "#009e73";
-  if (variant == "default" || variant == "motion") return "#0072b2";
+  if (variant == "default" || variant == "network_only") return "#0072b2";
   static const char* const others[] = {"#e69f00", "#56b4e9", "#8c564b", "#7f7f7f"};
   return others[position % 4];
 }
@@ -237,7 +237,7 @@ std::string trajectory_plots(const std::vector<const Json*>& shown) {
       const std::string variant = (*r)["job"]["variant"];
       if (variant == "truth" || variant == "paper" || (variant == "off" && !with_off)) continue;
       off = off || variant == "off";
-      on = on || variant == "default" || variant == "motion";
+      on = on || variant == "default" || variant == "network_only";
       plot.series.push_back({trimmed_label(*r), color_of(*r, k), column(series["path"], 0),
                              column(series["path"], second), 1.5, false, false, false});
     }

@@ -86,14 +86,14 @@ const std::vector<Variant>& variants() {
   static const std::vector<Variant> all{
       {"off", "front end off", false, "default", {}, false},
       {"paper", "paper preset", true, "paper", {}, false},
+      {"network_only", "network_only preset", true, "network_only", {}, false},
       {"default", "default preset", true, "default", {}, false},
       {"no_compensation", "  without compensation", true, "default", {"compensation"}, false},
       {"no_depth", "  without depth fusion", true, "default", {"depth"}, false},
       {"no_probability", "  without probability", true, "default", {"probability"}, false},
-      {"motion", "motion preset", true, "motion", {}, false},
-      {"motion_alone", "  without any segmenter", true, "motion", {}, false, false},
+      {"no_masks", "  without any masks", true, "default", {}, false, false},
       // Nothing to repair: the exact masks go to dilation and the probability filter as they are.
-      {"truth", "ground-truth masks", true, "default", {"compensation", "depth"}, true}};
+      {"truth", "ground-truth masks", true, "network_only", {"compensation", "depth"}, true}};
   return all;
 }
 
@@ -144,7 +144,6 @@ std::vector<Variant> varied(const std::string& text) {
     Variant v;
     v.name = name + "=" + word;
     v.label = "  " + name + " = " + word;
-    v.preset = "motion";
     v.varied = name;
     v.varied_value = *value;
     FrontEndSettings settings;

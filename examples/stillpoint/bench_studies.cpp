@@ -24,8 +24,8 @@ struct Curve {
 };
 const Curve kCurves[] = {{"off", "front end off", "#d55e00"},
                          {"paper", "paper preset", "#cc79a7"},
-                         {"default", "default preset", "#0072b2"},
-                         {"motion", "motion preset", "#009e73"}};
+                         {"network_only", "network_only", "#0072b2"},
+                         {"default", "default preset", "#009e73"}};
 constexpr const char* kGivenMasks = "#7f7f7f";
 
 /// One value of all frames against another.

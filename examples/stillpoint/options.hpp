@@ -4,6 +4,8 @@
 #include <CLI/App.hpp>
 #include <CLI/Config.hpp>
 #include <CLI/Formatter.hpp>
+#include <cstdio>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -12,13 +14,26 @@
 
 namespace stillpoint::cli {
 
-/// Restricts an option to some words and shows them in the help: `--preset default|paper`.
+/// Restricts an option to some words and shows them in the help: `--tracker slam|vo`.
 inline CLI::Option* choices(CLI::Option* option, const std::vector<std::string>& words) {
   std::string shown;
   for (const std::string& word : words) shown += (shown.empty() ? "" : "|") + word;
   CLI::IsMember member(words);
   member.description("");
   return option->check(member)->type_name(shown);
+}
+
+/// Takes names of an earlier version for today's, and says so.
+inline CLI::Validator renamed(const std::map<std::string, std::string>& names) {
+  return {[names](std::string& name) {
+            const auto found = names.find(name);
+            if (found == names.end()) return std::string();
+            std::fprintf(stderr, "stillpoint: note: %s is now called %s\n", name.c_str(),
+                         found->second.c_str());
+            name = found->second;
+            return std::string();
+          },
+          ""};
 }
 
 /// Restricts an option to a range, which its error message names; the help says N.

@@ -40,7 +40,7 @@ std::string settings_line(const RunSettings& s, bool segmenter_was_open) {
     line += " as if it took " + std::to_string(std::lround(s.latency_ms)) + " ms";
   if (segmenter_was_open && s.segmenter == "none")
     line += ", as there is no folder masks" +
-            std::string(s.preset == "motion" ? "" : ": nothing will be masked");
+            std::string(s.preset == "default" ? "" : ": nothing will be masked");
   return line + tracker;
 }
 
@@ -142,7 +142,6 @@ void add_run_command(CLI::App& app) {
   auto options = std::make_shared<RunCommand>();
   RunSettings& s = options->settings;
   s.tracker = default_tracker();
-  s.preset = "motion";  // the better one over the tables of docs/results.md
   command->add_option("SEQUENCE", s.sequence, "Folder in TUM layout: rgb.txt, depth.txt, pictures")
       ->required()
       ->type_name("DIR");
@@ -151,8 +150,9 @@ void add_run_command(CLI::App& app) {
       ->type_name("DIR");
   add_system_options(command, s);
   choices(command->add_option("--preset", s.preset,
-                              "motion: default, and movers without a name  [motion]"),
-          {"default", "motion", "paper"});
+                              "network_only: without the motion check  [default]"),
+          {"default", "network_only", "paper"})
+      ->transform(renamed({{"motion", "default"}}));
   choices(command->add_option_function<std::string>(
               "--front-end", [&s](const std::string& value) { s.front_end = value == "on"; },
               "off: the tracker alone, for comparison  [on]"),
@@ -218,8 +218,8 @@ Examples:
   stillpoint run walk --out out --real-time-rate            as on a robot: late frames are dropped
   stillpoint run walk --out out --save-overlays 10          pictures of every tenth frame
 
-Presets: default is ours; paper the literal method of the paper; motion the default with the motion
-check, which finds what moves although no segmenter names it, also with --segmenter none.
+Presets: default is ours, with the motion check, which finds what moves although no segmenter names
+it, also with --segmenter none; network_only is without it; paper the literal method of the paper.
 
 Masks: 8-bit PNGs named like the color files (rgb/12.5.jpg: 12.5.png), 0 = background, k = object k; a
 picture with only 0 and 255 is split into connected parts. An empty picture says that nobody is there;

@@ -246,9 +246,7 @@ nlohmann::ordered_json tracker_json(const Tracker& tracker) {
 }
 
 FrontEndSettings front_end_settings(const RunSettings& settings) {
-  FrontEndSettings front_end = settings.preset == "paper"    ? FrontEndSettings::paper()
-                               : settings.preset == "motion" ? FrontEndSettings::with_motion()
-                                                             : FrontEndSettings();
+  FrontEndSettings front_end = FrontEndSettings::preset(settings.preset);
   if (!settings.sensor.empty()) front_end.sensor = sensor_of(settings.sensor);
   for (const std::string& text : settings.changed) change_setting(front_end, text);
   if (!settings.varied.empty()) change_setting(front_end, settings.varied, settings.varied_value);

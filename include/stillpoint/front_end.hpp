@@ -16,11 +16,13 @@
 #include "stillpoint/core/camera.hpp"
 #include "stillpoint/core/frame.hpp"
 #include "stillpoint/core/frame_context.hpp"
+#include "stillpoint/core/frame_stats.hpp"
 #include "stillpoint/core/instance.hpp"
 #include "stillpoint/core/mask.hpp"
 #include "stillpoint/core/selection.hpp"
 #include "stillpoint/core/status.hpp"
 #include "stillpoint/depth/depth_mask_fuser.hpp"
+#include "stillpoint/front_end_settings.hpp"
 #include "stillpoint/keypoints/grid_neighbor_search.hpp"
 #include "stillpoint/keypoints/probabilistic_keypoint_filter.hpp"
 #include "stillpoint/motion/blur_meter.hpp"
@@ -34,70 +36,6 @@
 #include "stillpoint/sensor/sensor_model.hpp"
 
 namespace stillpoint {
-
-/// Settings of FrontEnd: those of its components, and which of them run (the paper's ablation).
-struct FrontEndSettings {
-  SegmentationCompensatorSettings compensation;
-  DepthMaskFuserSettings depth;
-  KeypointFilterSettings probability;
-  MotionCheckSettings motion;
-  EgoMotionSettings ego;
-  LateSegmentationSettings late;
-  BlurMeterSettings blur;
-  /// What the camera's measurements are worth.
-  SensorModel sensor;
-  bool use_compensation = true;
-  bool use_depth = true;
-  bool use_probability = true;
-  /// Beyond the paper: find what moves though no segmenter names it. Needs depth; better with a
-  /// host that calls correct_pose().
-  bool use_motion = false;
-  /// Instances of other classes are taken for static. Objects without a class are always dynamic.
-  std::vector<DynamicClass> dynamic_classes{"person"};
-  /// A mask over this share of the picture is reported as kMaskTooLarge (and still used: the floor
-  /// of kept keypoints protects the tracker).
-  double large_mask_share = 0.9;
-
-  /// The default with the motion check: for movers without a name, or no segmenter at all.
-  static FrontEndSettings with_motion() {
-    FrontEndSettings settings;
-    settings.depth.cell_px = 5;
-    settings.depth.dilation_per_blur_px = 0.5;
-    settings.use_motion = true;
-    return settings;
-  }
-
-  /// The literal method of the paper, for ablation and reproduction.
-  static FrontEndSettings paper() {
-    FrontEndSettings settings;
-    settings.compensation = SegmentationCompensatorSettings::paper();
-    settings.depth = DepthMaskFuserSettings::paper();
-    settings.probability = KeypointFilterSettings::paper();
-    return settings;
-  }
-};
-
-/// What the front end did with one frame.
-struct FrameStats {
-  double timestamp = 0;
-  /// FrameStatus bits.
-  std::uint32_t status = kOk;
-  /// Message of the exception that the segmenter threw; empty if it did not.
-  std::string segmenter_error;
-  /// The picture's motion blur; that of each object is in FrontEnd::instances(). Measuring it is
-  /// counted with the compensation.
-  Blur blur;
-  double segmentation_ms = 0, motion_ms = 0, compensation_ms = 0, depth_ms = 0, probability_ms = 0;
-  /// Instances of dynamic classes after compensation, and how many of them were restored.
-  int instances = 0, restored = 0;
-  /// Instances that the motion check found.
-  int moving = 0;
-  /// Share of the picture in the final mask, 0 to 1.
-  double mask_share = 0;
-  /// Age of the newest segmentation in the mask, seconds.
-  double mask_age_s = 0;
-  int keypoints = 0, kept = 0;
-};
 
 /// The paper's Figure 2 in a row: segmenter, missed-segmentation compensation (3.1), depth-semantic
 /// fusion (3.2), probability-based keypoint filter (3.3).

@@ -120,20 +120,21 @@ class Allocation : public ::testing::TestWithParam<Case> {
   void TearDown() override { cv::Mat::setDefaultAllocator(cv::Mat::getStdAllocator()); }
 };
 
-INSTANTIATE_TEST_SUITE_P(FrontEnd, Allocation,
-                         ::testing::Values(Case{"Default", false, true, false, false},
-                                           Case{"Paper", true, true, false, false},
-                                           Case{"DefaultWithoutDepth", false, false, false, false},
-                                           Case{"PaperWithoutDepth", true, false, false, false},
-                                           Case{"DefaultBareBoxes", false, true, true, false},
-                                           Case{"DefaultWithCameraMotion", false, true, false,
-                                                true}),
-                         [](const auto& i) { return i.param.name; });
+INSTANTIATE_TEST_SUITE_P(
+    FrontEnd, Allocation,
+    ::testing::Values(Case{"NetworkOnly", false, true, false, false},
+                      Case{"Paper", true, true, false, false},
+                      Case{"NetworkOnlyWithoutDepth", false, false, false, false},
+                      Case{"PaperWithoutDepth", true, false, false, false},
+                      Case{"NetworkOnlyBareBoxes", false, true, true, false},
+                      Case{"NetworkOnlyWithCameraMotion", false, true, false, true}),
+    [](const auto& i) { return i.param.name; });
 
 TEST_P(Allocation, StopsAfterTheFirstFrames) {
   const Case& c = GetParam();
   const Scene scene(c.with_depth, c.bare_boxes);
-  const FrontEndSettings settings = c.paper ? FrontEndSettings::paper() : FrontEndSettings();
+  const FrontEndSettings settings =
+      c.paper ? FrontEndSettings::paper() : FrontEndSettings::network_only();
   FrontEnd front_end(settings, scene.room.camera());
   std::optional<Eigen::Isometry3d> motion;
   if (c.camera_motion) motion = Eigen::Isometry3d::Identity();

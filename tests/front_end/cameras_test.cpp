@@ -45,7 +45,7 @@ TEST(Cameras, NothingMovesBehindADistortingLens) {
     const RoomCamera room(camera);
     for (const bool exact_poses : {true, false}) {
       SCOPED_TRACE(testing::Message() << focal << (exact_poses ? ", exact poses" : ", no poses"));
-      FrontEnd front_end(FrontEndSettings::with_motion(), camera);
+      FrontEnd front_end(FrontEndSettings(), camera);
       double sum = 0;
       const int frames = 50;
       for (int i = 0; i < frames; ++i) {
@@ -67,7 +67,7 @@ TEST(Cameras, AFrameWithoutDepthInATurnDoesNoHarm) {
   const RoomCamera room(camera);
   for (const bool predicts : {true, false}) {
     SCOPED_TRACE(predicts);
-    FrontEnd front_end(FrontEndSettings::with_motion(), camera);
+    FrontEnd front_end(FrontEndSettings(), camera);
     for (int i = 0; i < 40; ++i) {
       const Eigen::Isometry3d pose = turned(-40 + 2 * i);  // 60 deg/s
       std::optional<Eigen::Isometry3d> motion;
@@ -89,7 +89,7 @@ TEST(Cameras, AFrameWithoutDepthInATurnDoesNoHarm) {
 
 TEST(Cameras, WithoutDepthTheHostsMotionIsUsed) {
   const FlatScene scene;
-  FrontEnd front_end(FrontEndSettings::with_motion(), scene.camera());
+  FrontEnd front_end(FrontEndSettings(), scene.camera());
   const Eigen::Isometry3d motion = turned(1).inverse() * turned(0);
   for (int i = 0; i < 3; ++i) {
     RgbdFrame frame = scene.frame(i / 30.0, {});
@@ -108,7 +108,7 @@ TEST(Cameras, FindASlowBoardAtAnyRate) {
     for (const double hz : {10.0, 30.0, 60.0, 90.0}) {
       SCOPED_TRACE(testing::Message() << speed_m_s << " m/s at " << hz << " Hz");
       RoomCamera room(camera);
-      FrontEnd front_end(FrontEndSettings::with_motion(), camera);
+      FrontEnd front_end(FrontEndSettings(), camera);
       const int frames = static_cast<int>(2.4 * hz);
       int found = 0;
       for (int i = 0; i < frames; ++i) {
@@ -129,7 +129,7 @@ TEST(Cameras, APoseThatIsNotFiniteIsRefusedAndForgotten) {
   broken.translation().x() = nan;
   for (const bool as_correction : {false, true}) {
     RoomCamera room(camera);
-    FrontEnd front_end(FrontEndSettings::with_motion(), camera);
+    FrontEnd front_end(FrontEndSettings(), camera);
     int found = 0;
     for (int i = 0; i < 49; ++i) {
       room.board_m = Eigen::Vector3f(-0.6f + 0.025f * static_cast<float>(i), 0, 0);
@@ -148,7 +148,7 @@ TEST(Cameras, NeverWriteIntoTheCallersImage) {
   FlatScene gray_scene, color_scene;
   gray_scene.size = color_scene.size = {200, 150};  // so small that nothing is shrunk
   gray_scene.color_channels = 1;
-  for (const FrontEndSettings& settings : {FrontEndSettings(), FrontEndSettings::with_motion()}) {
+  for (const FrontEndSettings& settings : {FrontEndSettings::network_only(), FrontEndSettings()}) {
     FrontEnd front_end(settings, gray_scene.camera());
     const RgbdFrame gray = gray_scene.frame(0, {{{40, 20, 60, 100}, 2, 3}});
     const cv::Mat before = gray.color.clone();

@@ -65,7 +65,8 @@ struct Walk {
 
 TEST(FrontEnd, RunsTheComponentsInThePapersOrder) {
   const Walk walk;
-  for (const FrontEndSettings& settings : {FrontEndSettings(), FrontEndSettings::paper()}) {
+  for (const FrontEndSettings& settings :
+       {FrontEndSettings::network_only(), FrontEndSettings::paper()}) {
     FrontEnd front_end(settings, walk.scene.camera());
     SegmentationCompensator compensator(settings.compensation, walk.scene.camera());
     DepthMaskFuser fuser(settings.depth, walk.scene.camera());
@@ -111,7 +112,7 @@ TEST(FrontEnd, TellsTheBlurOfThePictureAndOfEachObject) {
   Camera camera = walk.scene.camera();
   camera.exposure_s = 0.01;
   for (const bool compensate : {true, false}) {
-    FrontEndSettings settings;
+    FrontEndSettings settings = FrontEndSettings::network_only();
     settings.use_compensation = compensate;
     FrontEnd front_end(settings, camera);
     // 0.02 m to the side in each frame, before a wall at 5 m and people at 3.2 and 2.4 m.
@@ -166,7 +167,7 @@ TEST(FrontEnd, RawMaskIsTheSegmentersOwn) {
 
 TEST(FrontEnd, WithoutCompensationMissesStayMissed) {
   const Walk walk;
-  FrontEndSettings settings;
+  FrontEndSettings settings = FrontEndSettings::network_only();
   settings.use_compensation = false;
   FrontEnd front_end(settings, walk.scene.camera());
   front_end.compute_mask(walk.frame(0), result(walk.people(0)));
@@ -422,7 +423,7 @@ TEST(FrontEnd, UsesTheCamerasMotion) {
   const Walk walk;
   Eigen::Isometry3d turn = Eigen::Isometry3d::Identity();
   turn.rotate(Eigen::AngleAxisd(0.12, Eigen::Vector3d::UnitY()));  // 32 pixels to the right
-  FrontEndSettings settings;
+  FrontEndSettings settings = FrontEndSettings::network_only();
   settings.compensation.search_px = 4;
   for (const bool known : {true, false}) {
     FrontEnd front_end(settings, walk.scene.camera());
@@ -459,7 +460,7 @@ TEST(FrontEnd, BelievesNoMaskOnWhatIsKnownToBeStatic) {
   const FlatScene scene;
   const cv::Rect wall(200, 60, 50, 90);
   for (const auto& [motion, bare] : {std::pair(true, false), {true, true}, {false, false}}) {
-    FrontEnd front_end(motion ? FrontEndSettings::with_motion() : FrontEndSettings(),
+    FrontEnd front_end(motion ? FrontEndSettings() : FrontEndSettings::network_only(),
                        scene.camera());
     const auto masked = [&](int i, const Segmentation& seen) {
       const RgbdFrame frame = scene.frame(kStart + i / 30.0, {});
@@ -500,7 +501,7 @@ TEST(FrontEnd, DoubtsAPersonWhoSuddenlyFillsTheImage) {
 }
 
 TEST(FrontEnd, TakesAnotherSizeOnTheWay) {
-  for (const FrontEndSettings& settings : {FrontEndSettings(), FrontEndSettings::with_motion()}) {
+  for (const FrontEndSettings& settings : {FrontEndSettings::network_only(), FrontEndSettings()}) {
     Walk walk;
     FrontEnd front_end(settings, walk.scene.camera());
     front_end.compute_mask(walk.frame(0), result(walk.people(0)));

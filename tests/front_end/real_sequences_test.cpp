@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
-// The motion preset without any network on real recordings.
+// The front end without any network on real recordings.
 #include <gtest/gtest.h>
 
 #include <filesystem>
@@ -27,7 +27,7 @@ class RealSequences : public ::testing::Test {
 TEST_F(RealSequences, NobodyMovesBeforeAFastKinect) {
   // Up to 261 degrees a second; by the poses of the color images 8 % of the image was dynamic.
   const TumSequence sequence(root_ / "fr1_rpy_fast");
-  FrontEnd front_end(FrontEndSettings::with_motion(), sequence.camera().value());
+  FrontEnd front_end(FrontEndSettings(), sequence.camera().value());
   double sum = 0;
   for (std::size_t i = 0; i < sequence.size(); ++i) {
     front_end.compute_mask(sequence.load(i), Segmentation());
@@ -40,7 +40,7 @@ TEST_F(RealSequences, NobodyMovesBeforeAFastKinect) {
 TEST_F(RealSequences, PeopleBeforeAStillXtionAreFound) {
   const fs::path folder = root_ / "confusao";
   const TumSequence sequence(folder);
-  FrontEnd front_end(FrontEndSettings::with_motion(), sequence.camera().value());
+  FrontEnd front_end(FrontEndSettings(), sequence.camera().value());
   double hit = 0, missed = 0, wrong = 0;
   for (std::size_t i = 0; i < sequence.size(); ++i) {
     const RgbdFrame frame = sequence.load(i);

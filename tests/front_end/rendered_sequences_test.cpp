@@ -51,8 +51,8 @@ class RenderedSequences : public ::testing::Test {
   const fs::path root_ = fs::path(STILLPOINT_SHARED_DATA) / "rendered";
 };
 
-TEST_F(RenderedSequences, DefaultRaisesRecallAndKeepsIou) {
-  const MaskMetrics metrics = run("walking_xyz", "masks", FrontEndSettings());
+TEST_F(RenderedSequences, NetworkOnlyRaisesRecallAndKeepsIou) {
+  const MaskMetrics metrics = run("walking_xyz", "masks", FrontEndSettings::network_only());
   // The network's own masks: recall 0.93, IoU 0.82.
   EXPECT_GE(metrics.mean_recall(), 0.96);
   EXPECT_GE(metrics.mean_iou(), 0.82);
@@ -67,19 +67,19 @@ TEST_F(RenderedSequences, PaperFusionIsThePublishedOne) {
   EXPECT_NEAR(metrics.mean_precision(), 0.74, 0.02);
 }
 
-TEST_F(RenderedSequences, DefaultHoldsInACrowdBeforeATurningCamera) {
-  const MaskMetrics metrics = run("crowd_rpy", "masks", FrontEndSettings());
+TEST_F(RenderedSequences, NetworkOnlyHoldsInACrowdBeforeATurningCamera) {
+  const MaskMetrics metrics = run("crowd_rpy", "masks", FrontEndSettings::network_only());
   EXPECT_GE(metrics.pixels().recall(), 0.93);
   EXPECT_GE(metrics.pixels().precision(), 0.86);
 }
 
-TEST_F(RenderedSequences, DefaultBridgesWhatIsMissing) {
+TEST_F(RenderedSequences, NetworkOnlyBridgesWhatIsMissing) {
   // Spells of one to five frames without a result, and a segmenter at 4 Hz. The network's masks
   // alone have recalls of 0.66 and 0.11 there.
-  const MaskMetrics blink = run("crowd_rpy", "masks_blink", FrontEndSettings());
+  const MaskMetrics blink = run("crowd_rpy", "masks_blink", FrontEndSettings::network_only());
   EXPECT_GE(blink.pixels().recall(), 0.90);
   EXPECT_GE(blink.pixels().precision(), 0.85);
-  const MaskMetrics rare = run("crowd_rpy", "masks_4hz", FrontEndSettings());
+  const MaskMetrics rare = run("crowd_rpy", "masks_4hz", FrontEndSettings::network_only());
   EXPECT_GE(rare.pixels().recall(), 0.85);
   EXPECT_GE(rare.pixels().precision(), 0.85);
 }

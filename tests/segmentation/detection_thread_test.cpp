@@ -140,7 +140,7 @@ TEST(DetectionThread, PassesExceptionsOnAndGoesOn) {
   };
   segmenter.allow(1000000);
   DetectionThread thread(segmenter);
-  FrontEnd front_end({}, {}, &thread);
+  FrontEnd front_end(FrontEndSettings::network_only(), {}, &thread);
   std::vector<std::string> errors;
   double time = 0;
   while (errors.size() < 3) {
@@ -159,7 +159,7 @@ TEST(DetectionThread, PassesExceptionsOnAndGoesOn) {
 TEST(DetectionThread, AHangingSegmenterDoesNotStopTheFrontEnd) {
   GatedSegmenter segmenter;
   DetectionThread thread(segmenter);
-  FrontEnd front_end({}, {}, &thread);
+  FrontEnd front_end(FrontEndSettings::network_only(), {}, &thread);
   for (int i = 0; i < 50; ++i) {
     front_end.compute_mask(frame_at(0.033 * i));
     EXPECT_EQ(front_end.stats().status, kNoSegmentation | kNeverSegmented);

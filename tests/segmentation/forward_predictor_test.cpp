@@ -110,7 +110,7 @@ TEST(ForwardPredictor, UsesTheCamerasMotionAndTheTracks) {
 
 TEST(ForwardPredictor, TellsTheAgeOfTheMask) {
   const Walk walk;
-  FrontEnd front_end({}, walk.scene.camera());
+  FrontEnd front_end(FrontEndSettings::network_only(), walk.scene.camera());
   for (int i = 0; i < 10; ++i) {
     Segmentation given;
     if (i == 8) given = result(walk.people(3)), given.timestamp = time_of(3);
@@ -123,7 +123,7 @@ TEST(ForwardPredictor, TellsTheAgeOfTheMask) {
     EXPECT_EQ(front_end.stats().mask_age_s, front_end.mask().age_s);
   }
   // Without compensation too.
-  FrontEndSettings settings;
+  FrontEndSettings settings = FrontEndSettings::network_only();
   settings.use_compensation = false;
   FrontEnd plain(settings, walk.scene.camera());
   for (int i = 0; i < 5; ++i) plain.compute_mask(walk.frame(i), Segmentation());
@@ -142,7 +142,7 @@ TEST(ForwardPredictor, WidensByAgeOnlyWhatASegmenterSaid) {
 
   // The motion check's finds are of this frame, however long ago a segmenter said something.
   const Walk walk;
-  FrontEndSettings settings = FrontEndSettings::with_motion();
+  FrontEndSettings settings;
   settings.depth.dilation_per_blur_px = 0;
   FrontEnd front_end(settings, walk.scene.camera());
   int frames = 0;
@@ -159,7 +159,7 @@ TEST(ForwardPredictor, WidensByAgeOnlyWhatASegmenterSaid) {
 
 TEST(ForwardPredictor, WidensOldMasksThenDropsThem) {
   const Walk walk;
-  FrontEndSettings settings;
+  FrontEndSettings settings = FrontEndSettings::network_only();
   settings.late.max_age_s = 0.25;
   settings.late.widen_after_s = 0.15;
   settings.late.widen_px_per_s = 200;  // 100 in an image 320 wide
@@ -187,7 +187,7 @@ TEST(ForwardPredictor, WidensOldMasksThenDropsThem) {
 
 TEST(ForwardPredictor, LeavesOutWhoIsNotThereAnyMore) {
   Walk walk;
-  FrontEnd front_end({}, walk.scene.camera());
+  FrontEnd front_end(FrontEndSettings::network_only(), walk.scene.camera());
   for (int i = 0; i < 9; ++i) front_end.compute_mask(walk.frame(i), Segmentation());
   Segmentation late = result(walk.people(5));
   late.timestamp = time_of(5);
@@ -198,7 +198,7 @@ TEST(ForwardPredictor, LeavesOutWhoIsNotThereAnyMore) {
 TEST(ForwardPredictor, TakesOddTimestamps) {
   const Walk walk;
   const auto instances = [&](double timestamp, bool from_the_first = false) {
-    FrontEnd front_end({}, walk.scene.camera());
+    FrontEnd front_end(FrontEndSettings::network_only(), walk.scene.camera());
     for (int i = 0; i < 5; ++i)
       front_end.compute_mask(walk.frame(i), from_the_first ? result({}) : Segmentation());
     Segmentation given = result(walk.people(4));
@@ -215,7 +215,7 @@ TEST(ForwardPredictor, TakesOddTimestamps) {
 }
 
 TEST(ForwardPredictor, RefusesSettingsThatMakeNoSense) {
-  FrontEndSettings settings;
+  FrontEndSettings settings = FrontEndSettings::network_only();
   settings.late.max_age_s = -1;
   EXPECT_ERROR(FrontEnd{settings}, "max_age_s", "at least 0", "-1");
   settings = {};

@@ -80,7 +80,7 @@ constexpr const char* kClass =
     "camera: Camera; None: without its help (no camera motion, no floor).\n"
     "segmenter: Segmenter that is asked in each frame; None: you bring the masks.\n"
     "settings: FrontEndSettings. Keyword arguments change single settings, e.g.\n"
-    "  FrontEnd(camera, use_motion=True, dilation_px=5).";
+    "  FrontEnd(camera, use_motion=False, dilation_px=5).";
 
 constexpr const char* kComputeMask =
     "Computes the dynamic mask of a frame: (H, W) uint8, 255 = dynamic, 0 = static.\n\n"

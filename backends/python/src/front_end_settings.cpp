@@ -132,11 +132,12 @@ void bind_settings(py::module_& m) {
   bind_motion(m);
   bind_sensor(m);
   using S = FrontEndSettings;
-  SettingsClass<S>(m, front_end_table(), "FrontEndSettings",
-                   "Settings of FrontEnd: those of its stages, and which of them run.\n\nKeyword "
-                   "arguments set members, also those of stages by their own name:\n\n    "
-                   "FrontEndSettings(use_motion=True, dilation_px=5, depth={\"growth_m\": 0.2})\n")
-      .add_nested("compensation", &S::compensation, compensation, "Missed detections (3.1).")
+  SettingsClass<S> settings(
+      m, front_end_table(), "FrontEndSettings",
+      "Settings of FrontEnd: those of its stages, and which of them run.\n\nKeyword "
+      "arguments set members, also those of stages by their own name:\n\n    "
+      "FrontEndSettings(use_motion=False, dilation_px=5, depth={\"growth_m\": 0.2})\n");
+  settings.add_nested("compensation", &S::compensation, compensation, "Missed detections (3.1).")
       .add_nested("depth", &S::depth, depth, "Masks and depth (3.2).")
       .add_nested("probability", &S::probability, probability, "Keypoints (3.3).")
       .add_nested("motion", &S::motion, motion, "Movers without a name.")
@@ -152,8 +153,28 @@ void bind_settings(py::module_& m) {
            "Classes that may move: a tuple of (name, prior); set by names or (name, prior).")
       .add("large_mask_share", &S::large_mask_share,
            "A mask over this share of the image is reported, 0 to 1.")
-      .add_preset("with_motion", &S::with_motion, "The default with the motion check.")
+      .add_preset("network_only", &S::network_only,
+                  "Without the motion check: what no segmenter names is static.")
       .add_preset("paper", &S::paper, "The method of the paper.");
+  settings.python().def_static(
+      "preset",
+      [](const py::object& name, const py::kwargs& changes) {
+        S preset = S::preset(text_of(name, "preset"));
+        apply(front_end_table(), &preset, changes);
+        return preset;
+      },
+      py::arg("name"), "The preset 'default', 'network_only' or 'paper', changed by keywords.");
+  settings.python().def_static(
+      "with_motion",
+      [](const py::kwargs& changes) {
+        if (PyErr_WarnEx(PyExc_DeprecationWarning,
+                         "the default has the motion check: FrontEndSettings()", 1) != 0)
+          throw py::error_already_set();
+        S preset;
+        apply(front_end_table(), &preset, changes);
+        return preset;
+      },
+      "The default. Deprecated.");
 }
 
 }  // namespace stillpoint::python

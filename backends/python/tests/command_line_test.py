@@ -20,7 +20,7 @@ def walk(cli, tmp_path_factory):
 def run(sequence, segmenter):
     """As README and docs/python.md say it: the system of `stillpoint run`."""
     front_end = stillpoint.FrontEnd(
-        sequence.camera, segmenter, stillpoint.FrontEndSettings.with_motion()
+        sequence.camera, segmenter, stillpoint.FrontEndSettings()
     )
     slam = stillpoint.SlamSystem(sequence.camera)
     masks = []
@@ -76,7 +76,7 @@ def test_two_runs_are_the_same_and_extract_and_track_are_process(walk):
     segmenter = stillpoint.MaskFilesSegmenter(walk / "walk" / "masks", sequence)
     _, expected = run(sequence, segmenter)
     front_end = stillpoint.FrontEnd(
-        sequence.camera, segmenter, stillpoint.FrontEndSettings.with_motion()
+        sequence.camera, segmenter, stillpoint.FrontEndSettings()
     )
     slam = stillpoint.SlamSystem(sequence.camera)
     for frame in sequence:

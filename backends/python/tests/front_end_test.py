@@ -27,7 +27,7 @@ def test_masks_have_the_shape_and_the_polarity_that_are_written(scene):
 
 
 def test_stages_can_be_looked_at(scene):
-    front_end, _ = run(scene, use_motion=True)
+    front_end, _ = run(scene)
     for stage in ("raw_mask", "movers_mask", "mended_mask", "undilated_mask"):
         assert getattr(front_end, stage)().shape == (240, 320)
     assert len(front_end.instances) == front_end.stats.instances
@@ -119,7 +119,7 @@ def test_selects_keypoints(scene):
 
 
 def test_a_pose_may_be_told_and_a_broken_one_is_refused(scene):
-    front_end, _ = run(scene, use_motion=True)
+    front_end, _ = run(scene)
     front_end.correct_pose(np.eye(4))
     assert not front_end.stats.status & stillpoint.FrameStatus.POSE_REFUSED
     front_end.correct_pose(np.full((4, 4), np.nan))

@@ -88,7 +88,7 @@ def test_a_frame_keeps_its_arrays():
 
 def test_another_threads_python_goes_on_while_a_mask_is_computed(scene):
     """The GIL is released: a thread that counts is not held up."""
-    front_end = stillpoint.FrontEnd(scene.camera, use_motion=True)
+    front_end = stillpoint.FrontEnd(scene.camera)
     count, end = [0], threading.Event()
 
     def work():

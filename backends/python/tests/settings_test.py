@@ -9,24 +9,34 @@ import stillpoint
 
 
 def test_keywords_a_dict_an_object_and_members_are_ways_to_say_the_same():
-    by_name = stillpoint.FrontEndSettings(dilation_px=5, use_motion=True)
-    by_dict = stillpoint.FrontEndSettings(use_motion=True, depth={"dilation_px": 5})
+    by_name = stillpoint.FrontEndSettings(dilation_px=5, use_motion=False)
+    by_dict = stillpoint.FrontEndSettings(use_motion=False, depth={"dilation_px": 5})
     by_object = stillpoint.FrontEndSettings(
-        depth=stillpoint.DepthMaskFuserSettings(dilation_px=5), use_motion=True
+        depth=stillpoint.DepthMaskFuserSettings(dilation_px=5), use_motion=False
     )
-    by_path = stillpoint.FrontEndSettings(**{"depth.dilation_px": 5, "use_motion": True})
+    by_path = stillpoint.FrontEndSettings(**{"depth.dilation_px": 5, "use_motion": False})
     by_member = stillpoint.FrontEndSettings()
     by_member.depth.dilation_px = 5
-    by_member.use_motion = True
+    by_member.use_motion = False
     assert by_name == by_dict == by_object == by_path == by_member
     assert stillpoint.FrontEnd(settings=by_name).settings == by_name
-    assert stillpoint.FrontEnd(dilation_px=5, use_motion=True).settings == by_name
+    assert stillpoint.FrontEnd(dilation_px=5, use_motion=False).settings == by_name
     assert by_name != stillpoint.FrontEndSettings()
 
 
 def test_presets():
-    motion = stillpoint.FrontEndSettings.with_motion(dilation_px=7)
-    assert motion.use_motion and motion.depth.cell_px == 5 and motion.depth.dilation_px == 7
+    fast = stillpoint.FrontEndSettings.network_only(dilation_px=7)
+    assert not fast.use_motion and fast.depth.cell_px == 6 and fast.depth.dilation_px == 7
+    default = stillpoint.FrontEndSettings()
+    assert default.use_motion and default.depth.cell_px == 5
+    preset = stillpoint.FrontEndSettings.preset
+    assert preset("default") == default
+    assert preset("network_only", dilation_px=7) == fast
+    assert preset("paper") == stillpoint.FrontEndSettings.paper()
+    with pytest.raises(stillpoint.Error, match="default, network_only or paper, found \"best\""):
+        preset("best")
+    with pytest.warns(DeprecationWarning, match="the default has the motion check"):
+        assert stillpoint.FrontEndSettings.with_motion() == default
     paper = stillpoint.FrontEndSettings.paper()
     assert paper.compensation.trigger == "global" and paper.depth.method == "paper"
     settings = stillpoint.FrontEndSettings(sensor=stillpoint.SensorModel.realsense_d400())
@@ -34,7 +44,7 @@ def test_presets():
 
 
 def test_repr_makes_the_same_again():
-    settings = stillpoint.FrontEndSettings.with_motion(
+    settings = stillpoint.FrontEndSettings(
         threshold=0.1, dynamic_classes=["person", ("chair", 0.5)]
     )
     text = repr(settings)
@@ -66,7 +76,7 @@ def test_names_are_those_of_the_command_line(scene, cli, tmp_path):
     """`stillpoint run` writes all settings as used, by their path."""
     cli("synth", tmp_path / "walk", "--frames", 2, "--size", "160x120")
     cli("run", tmp_path / "walk", "--out", tmp_path / "out")
-    ours = stillpoint.FrontEndSettings.with_motion().to_dict()
+    ours = stillpoint.FrontEndSettings().to_dict()
     theirs = json.loads((tmp_path / "out" / "stats.json").read_text())["settings"]["all"]
     for name, value in theirs.items():
         assert ours[name] == pytest.approx(value), name

@@ -137,7 +137,7 @@ class Mine(stillpoint.Segmenter):
         return frame.color[..., 0]
 
 camera = stillpoint.Camera(525, 525, 319.5, 239.5, k1=0.1, depth_units_per_m=1000)
-front_end = stillpoint.FrontEnd(camera, Mine(), use_motion=True)
+front_end = stillpoint.FrontEnd(camera, Mine(), use_motion=False)
 for frame in stillpoint.SyntheticSequence(frames=2):
     mask: NDArray[np.uint8] = front_end.compute_mask(frame.rgbd())
     kept = stillpoint.compact([1, 2], front_end.select([[1, 2], [3, 4]]))

@@ -124,7 +124,7 @@ TEST_F(Cli, MisuseIsAnswered) {
   expect_error("walk", 2, "unknown command \"walk\"");
   expect_error("run", 2, "SEQUENCE");
   expect_error("run walk", 2, "--out");
-  expect_error("run walk --out out --preset best", 2, "default,motion,paper");
+  expect_error("run walk --out out --preset best", 2, "default,network_only,paper");
   expect_error("run walk --out out --front-end maybe", 2, "on,off");
   expect_error("run walk --out out --without everything", 2, "compensation,depth,probability");
   expect_error("run walk --out out --segmenter oracle", 2, "mask_files");
@@ -609,9 +609,9 @@ TEST_F(Cli, BenchComparesAndGoesOn) {
   const std::string command = "bench walk --out b --tracker vo --frames 8";
   const Result r = run(command);
   ASSERT_EQ(r.code, 0) << r.err;
-  for (const char* label :
-       {"front end off", "paper preset", "default preset", "without compensation", "without depth",
-        "without probability", "ground-truth masks"})
+  for (const char* label : {"front end off", "paper preset", "network_only preset",
+                            "default preset", "without compensation", "without depth",
+                            "without probability", "without any masks", "ground-truth masks"})
     EXPECT_NE(r.out.find(label), std::string::npos) << label;
   const Json rows = json_of(path("b") / "results.json")["rows"];
   ASSERT_EQ(rows.size(), 9u);
@@ -627,7 +627,7 @@ TEST_F(Cli, BenchComparesAndGoesOn) {
   const std::string page = text_of(path("b") / "index.html");
   EXPECT_NE(page.find("<svg"), std::string::npos);
   EXPECT_NE(page.find("data:image/jpeg;base64,"), std::string::npos);
-  EXPECT_NE(page.find("; with the motion preset: <b>"), std::string::npos) << "what run takes";
+  EXPECT_NE(page.find("; with the default preset: <b>"), std::string::npos) << "what run takes";
   for (const char* outside : {"src=\"http", "href=\"http", "<script", "url("})
     EXPECT_EQ(page.find(outside), std::string::npos) << outside;
 
@@ -694,6 +694,21 @@ TEST_F(Cli, BenchMergesNoMixture) {
   fs::copy(path("mix_stale") / "runs/walk/off.0.json", path("mix0") / "runs/walk/off.0.json",
            fs::copy_options::overwrite_existing);
   expect_error("bench --merge mix0 mix1 --out mixed", 1, "missing: runs/walk/off.0.json");
+}
+
+TEST_F(Cli, NamesOfTheLastVersionAreTakenWithANote) {
+  Result r = run("run walk --out named --preset motion --tracker vo --frames 3");
+  EXPECT_EQ(r.code, 0) << r.err;
+  EXPECT_NE(r.err.find("motion is now called default"), std::string::npos) << r.err;
+  EXPECT_EQ(json_of(path("named") / "stats.json")["settings"]["preset"], "default");
+  r = run("run walk --out named --preset network_only --tracker vo --frames 3");
+  EXPECT_EQ(r.err.find("now called"), std::string::npos) << r.err;
+  EXPECT_EQ(json_of(path("named") / "stats.json")["settings"]["all"]["use_motion"], false);
+  r = run("bench walk --out bench_named --variants motion,motion_alone --tracker vo --frames 3");
+  EXPECT_EQ(r.code, 0) << r.err;
+  EXPECT_NE(r.err.find("motion_alone is now called no_masks"), std::string::npos) << r.err;
+  EXPECT_TRUE(fs::exists(path("bench_named") / "runs/walk/default.0.json"));
+  EXPECT_TRUE(fs::exists(path("bench_named") / "runs/walk/no_masks.0.json"));
 }
 
 TEST_F(Cli, BenchJudgesOtherSystemsByTheSameRules) {

@@ -19,7 +19,7 @@ struct DepthMaskFuserSettings {
   };
   Method method = Method::kConnected;
   /// Side of a sampling cell; one depth sample is drawn in each.
-  int cell_px = 6;
+  int cell_px = 5;
   /// Alpha of the paper: half of the "human value range". For kConnected: how far depth may reach
   /// beyond the range seen on the mask.
   float range_m = 0.25f;
@@ -29,7 +29,7 @@ struct DepthMaskFuserSettings {
   int dilation_px = 10;
   /// An instance is dilated by at least this share of its blur: half of it is how far its outline
   /// is smeared to either side, 0: all alike. At most kMostBlurDilationPx more than dilation_px.
-  double dilation_per_blur_px = 0;
+  double dilation_per_blur_px = 0.5;
   static constexpr double kMostBlurDilationPx = 10;
   /// Seed of the samples' places.
   std::uint64_t seed = 1;
@@ -40,6 +40,7 @@ struct DepthMaskFuserSettings {
     settings.method = Method::kPaper;
     settings.cell_px = 8;
     settings.range_m = 0.3f;
+    settings.dilation_per_blur_px = 0;
     return settings;
   }
 

@@ -19,6 +19,8 @@
 #include "stillpoint/core/instance.hpp"
 #include "stillpoint/core/keypoint.hpp"
 #include "stillpoint/core/status.hpp"
+#include "stillpoint/segmentation/dynamic_class.hpp"
+#include "stillpoint/sensor/sensor_model.hpp"
 
 #if defined(__GNUC__)
 #define STILLPOINT_HOST_API __attribute__((visibility("default")))
@@ -30,12 +32,18 @@ namespace stillpoint {
 
 /// Settings of HostFrontEnd; the defaults suit ORB_SLAM2 and ORB_SLAM3.
 struct HostSettings {
-  /// The stages of the front end (see FrontEndSettings). With `use_motion` the settings are those of
-  /// FrontEndSettings::with_motion(), which docs/results.md measures; it costs 2 ms per frame more,
-  /// and works best when correct_pose() is called for each frame.
-  bool use_compensation = true, use_depth = true, use_probability = true, use_motion = false;
-  /// The literal method of the paper instead of the default preset.
-  bool paper = false;
+  /// Preset of the front end: "default", "network_only" (without the motion check: 2 ms per frame
+  /// less) or "paper"; see FrontEndSettings. The motion check works best when correct_pose() is
+  /// called for each frame.
+  std::string preset = "default";
+  /// Classes of the network that may move; instances without a class always may.
+  std::vector<DynamicClass> dynamic_classes{"person"};
+  /// Dilation of the mask to each side, for an image 640 wide.
+  int dilation_px = 10;
+  /// Exposure time of the color image, seconds; 0: the camera's (see BlurMeterSettings).
+  double exposure_s = 0;
+  /// What the depth camera's measurements are worth, e.g. SensorModel::realsense_d400().
+  SensorModel sensor;
   /// Keypoints that a frame never falls below (unless the host gives fewer) until the host has
   /// started: ORB_SLAM2 and ORB_SLAM3 start at more than 500 only. Dynamic ones are among them when
   /// static ones are too few, so let the host extract 2000 or more.

@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "stillpoint/core/blur.hpp"
+#include "stillpoint/core/status.hpp"
+
+namespace stillpoint {
+
+/// What the front end did with one frame.
+struct FrameStats {
+  double timestamp = 0;
+  /// FrameStatus bits.
+  std::uint32_t status = kOk;
+  /// Message of the exception that the segmenter threw; empty if it did not.
+  std::string segmenter_error;
+  /// The picture's motion blur; that of each object is in FrontEnd::instances(). Measuring it is
+  /// counted with the compensation.
+  Blur blur;
+  double segmentation_ms = 0, motion_ms = 0, compensation_ms = 0, depth_ms = 0, probability_ms = 0;
+  /// Instances of dynamic classes after compensation, and how many of them were restored.
+  int instances = 0, restored = 0;
+  /// Instances that the motion check found.
+  int moving = 0;
+  /// Share of the picture in the final mask, 0 to 1.
+  double mask_share = 0;
+  /// Age of the newest segmentation in the mask, seconds.
+  double mask_age_s = 0;
+  int keypoints = 0, kept = 0;
+};
+
+}  // namespace stillpoint

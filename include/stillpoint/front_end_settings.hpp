@@ -1,0 +1,78 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "stillpoint/core/error.hpp"
+#include "stillpoint/depth/depth_mask_fuser_settings.hpp"
+#include "stillpoint/keypoints/probabilistic_keypoint_filter.hpp"
+#include "stillpoint/motion/blur_meter.hpp"
+#include "stillpoint/motion/ego_motion.hpp"
+#include "stillpoint/motion/motion_check.hpp"
+#include "stillpoint/segmentation/dynamic_class.hpp"
+#include "stillpoint/segmentation/late_segmentation_settings.hpp"
+#include "stillpoint/segmentation/segmentation_compensator_settings.hpp"
+#include "stillpoint/sensor/sensor_model.hpp"
+
+namespace stillpoint {
+
+/// Settings of FrontEnd: those of its components, and which of them run (the paper's ablation). As
+/// they stand they are the preset that docs/results.md recommends; network_only() and paper() are
+/// the others.
+struct FrontEndSettings {
+  SegmentationCompensatorSettings compensation;
+  DepthMaskFuserSettings depth;
+  KeypointFilterSettings probability;
+  MotionCheckSettings motion;
+  EgoMotionSettings ego;
+  LateSegmentationSettings late;
+  BlurMeterSettings blur;
+  /// What the camera's measurements are worth.
+  SensorModel sensor;
+  bool use_compensation = true;
+  bool use_depth = true;
+  bool use_probability = true;
+  /// Beyond the paper: find what moves though no segmenter names it. Needs depth (without, it does
+  /// nothing); better with a host that calls correct_pose().
+  bool use_motion = true;
+  /// Instances of other classes are taken for static. Objects without a class are always dynamic.
+  std::vector<DynamicClass> dynamic_classes{"person"};
+  /// A mask over this share of the picture is reported as kMaskTooLarge (and still used: the floor
+  /// of kept keypoints protects the tracker).
+  double large_mask_share = 0.9;
+
+  /// Without the motion check: what no segmenter names is static. The least time per frame.
+  static FrontEndSettings network_only() {
+    FrontEndSettings settings;
+    settings.depth.cell_px = 6;
+    settings.depth.dilation_per_blur_px = 0;
+    settings.use_motion = false;
+    return settings;
+  }
+
+  /// The literal method of the paper, for ablation and reproduction.
+  static FrontEndSettings paper() {
+    FrontEndSettings settings;
+    settings.compensation = SegmentationCompensatorSettings::paper();
+    settings.depth = DepthMaskFuserSettings::paper();
+    settings.probability = KeypointFilterSettings::paper();
+    settings.use_motion = false;
+    return settings;
+  }
+
+  /// A preset by its name: "default", "network_only" or "paper". Throws Error for another.
+  static FrontEndSettings preset(const std::string& name) {
+    if (name == "default") return {};
+    if (name == "network_only") return network_only();
+    if (name == "paper") return paper();
+    throw Error("preset: expected default, network_only or paper, found \"" + name + "\"");
+  }
+
+  [[deprecated("the default has the motion check: FrontEndSettings{}")]] static FrontEndSettings
+  with_motion() {
+    return {};
+  }
+};
+
+}  // namespace stillpoint
