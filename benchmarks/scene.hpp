@@ -14,7 +14,7 @@
 #include "stillpoint/core/instance.hpp"
 #include "stillpoint/core/random.hpp"
 #include "stillpoint/testing/degraded_masks.hpp"
-#include "stillpoint/testing/synthetic_sequence.hpp"
+#include "synthetic/sequence.hpp"
 
 namespace stillpoint {
 namespace bench {

@@ -6,7 +6,7 @@
 #include "commands.hpp"
 #include "options.hpp"
 #include "run_job.hpp"
-#include "stillpoint/testing/synthetic_writer.hpp"
+#include "synthetic/writer.hpp"
 #include "terminal.hpp"
 
 namespace stillpoint::cli {

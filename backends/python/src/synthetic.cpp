@@ -4,8 +4,7 @@
 #include "calls.hpp"
 #include "frames.hpp"
 #include "settings.hpp"
-#include "stillpoint/testing/degraded_masks.hpp"
-#include "stillpoint/testing/synthetic_sequence.hpp"
+#include "synthetic/sequence.hpp"
 
 namespace stillpoint::python {
 namespace {
@@ -31,10 +30,7 @@ py::array failing_labels(const SyntheticSequence& sequence, py::ssize_t i) {
   const SyntheticFrame frame = frame_at(sequence, i);
   const auto n = static_cast<py::ssize_t>(sequence.frame_count());
   const cv::Mat labels = without_gil([&] {
-    return degrade_masks(
-        frame.labels, frame.limbs, static_cast<int>(i < 0 ? i + n : i),
-        [&](int label, int k) { return sequence.expected_blur_px(label, k); },
-        synthetic::hash(sequence.settings().seed, 0xda3a9e));
+    return degraded_masks(sequence, frame, static_cast<int>(i < 0 ? i + n : i));
   });
   return array_of(labels);
 }

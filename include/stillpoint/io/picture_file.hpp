@@ -174,13 +174,14 @@ inline cv::Mat read_depth(const std::filesystem::path& path) {
 }
 
 /// Writes an 8-bit or 16-bit picture; the format is that of the file's ending (.png, .jpg). Throws
-/// Error if that fails.
-inline void write_picture(const std::filesystem::path& path, const cv::Mat& picture) {
+/// Error if that fails. `parameters`: cv::imencode's, such as {cv::IMWRITE_JPEG_QUALITY, 95}.
+inline void write_picture(const std::filesystem::path& path, const cv::Mat& picture,
+                          const std::vector<int>& parameters = {}) {
   bool done = false;
   std::string reason;
   try {
     std::vector<uchar> bytes;
-    done = !picture.empty() && cv::imencode(path.extension().string(), picture, bytes);
+    done = !picture.empty() && cv::imencode(path.extension().string(), picture, bytes, parameters);
     if (done) write_file(path, std::string(bytes.begin(), bytes.end()), "picture");
   } catch (const cv::Exception& e) {
     reason = e.err;

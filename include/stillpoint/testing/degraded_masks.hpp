@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "stillpoint/core/error.hpp"
-#include "stillpoint/testing/synthetic_math.hpp"
-#include "stillpoint/testing/synthetic_surface.hpp"
+#include "stillpoint/testing/labels.hpp"
+#include "stillpoint/testing/noise.hpp"
 
 namespace stillpoint {
 
