@@ -2,38 +2,35 @@
 #pragma once
 
 #include <Eigen/Geometry>
-#include <chrono>
-#include <cmath>
-#include <cstdint>
-#include <exception>
-#include <limits>
 #include <opencv2/core.hpp>
 #include <optional>
 #include <string>
 #include <vector>
 
-#include "stillpoint/core/blur.hpp"
 #include "stillpoint/core/camera.hpp"
 #include "stillpoint/core/frame.hpp"
 #include "stillpoint/core/frame_context.hpp"
 #include "stillpoint/core/frame_stats.hpp"
+#include "stillpoint/core/image_scale.hpp"
 #include "stillpoint/core/instance.hpp"
 #include "stillpoint/core/mask.hpp"
+#include "stillpoint/core/object.hpp"
 #include "stillpoint/core/selection.hpp"
 #include "stillpoint/core/status.hpp"
+#include "stillpoint/core/stopwatch.hpp"
 #include "stillpoint/depth/depth_mask_fuser.hpp"
 #include "stillpoint/front_end_settings.hpp"
 #include "stillpoint/keypoints/grid_neighbor_search.hpp"
 #include "stillpoint/keypoints/probabilistic_keypoint_filter.hpp"
+#include "stillpoint/keypoints/tracked_points.hpp"
 #include "stillpoint/motion/blur_meter.hpp"
 #include "stillpoint/motion/ego_motion.hpp"
 #include "stillpoint/motion/motion_check.hpp"
+#include "stillpoint/objects/object_tracker.hpp"
 #include "stillpoint/segmentation/dynamic_class.hpp"
-#include "stillpoint/segmentation/forward_predictor.hpp"
 #include "stillpoint/segmentation/segmentation_compensator.hpp"
+#include "stillpoint/segmentation/segmentation_intake.hpp"
 #include "stillpoint/segmentation/segmenter.hpp"
-#include "stillpoint/segmentation/sudden_object_filter.hpp"
-#include "stillpoint/sensor/sensor_model.hpp"
 
 namespace stillpoint {
 
@@ -59,9 +56,10 @@ class BasicFrontEnd {
         ego_(ego_settings(settings)),
         motion_(settings.motion, settings.sensor),
         blur_(settings.blur, camera),
-        predictor_(settings.late, settings.compensation, camera),
-        sudden_(settings.compensation),
+        intake_(settings.dynamic_classes, settings.late, settings.compensation,
+                settings.use_compensation, camera),
         compensator_(settings.compensation, camera),
+        tracker_(settings.objects, settings.sensor),
         fuser_(settings.depth, camera),
         filter_(settings.probability) {
     check_dynamic_classes(settings.dynamic_classes,
@@ -82,30 +80,12 @@ class BasicFrontEnd {
   const DynamicMask& compute_mask(
       const RgbdFrame& frame,
       const std::optional<Eigen::Isometry3d>& T_current_last = std::nullopt) {
-    const Clock::time_point start = Clock::now();
-    stats_.segmenter_error.clear();
     check_frame(frame);
-    std::uint32_t failed = kOk;
-    if (segmenter_) {
-      try {
-        segmented_ = segmenter_->segment(frame);
-        check_segmentation(segmented_, frame.color.size());
-      } catch (const std::exception& error) {
-        segmented_ = Segmentation();
-        stats_.segmenter_error = error.what();
-        failed = kSegmenterFailed;
-      } catch (...) {
-        segmented_ = Segmentation();
-        stats_.segmenter_error = "an exception that is not a std::exception";
-        failed = kSegmenterFailed;
-      }
-    } else {
-      segmented_ = Segmentation();
-    }
-    const double ms = milliseconds_since(start);
-    process(frame, segmented_, T_current_last);
+    Stopwatch stopwatch;
+    const Segmentation& segmentation = intake_.ask(segmenter_, frame);
+    const double ms = stopwatch.lap_ms();
+    process(frame, segmentation, T_current_last);
     stats_.segmentation_ms = ms;
-    stats_.status |= failed;
     return mask();
   }
 
@@ -114,8 +94,8 @@ class BasicFrontEnd {
   const DynamicMask& compute_mask(
       const RgbdFrame& frame, const Segmentation& segmentation,
       const std::optional<Eigen::Isometry3d>& T_current_last = std::nullopt) {
-    stats_.segmenter_error.clear();
     stats_.segmentation_ms = 0;
+    intake_.ask_nobody();
     process(frame, segmentation, T_current_last);
     return mask();
   }
@@ -126,20 +106,39 @@ class BasicFrontEnd {
   void correct_pose(const Eigen::Isometry3d& T_world_camera) {
     ego_.correct(T_world_camera);
     stats_.status |= ego_.status();
-    predictor_.set_motion(ego_.motion());
+    tracker_.place_changed();
+    intake_.set_motion(ego_.motion());
     if (settings_.use_motion) motion_.correct(ego_);
   }
 
   /// Judges the host's keypoints against the last mask; see ProbabilisticKeypointFilter::filter().
   template <class Keypoints>
   const Selection& select(const Keypoints& keypoints) {
-    const Clock::time_point start = Clock::now();
+    Stopwatch stopwatch;
     const Selection& selection = filter_.filter(keypoints, mask(), settings_.use_probability);
-    stats_.probability_ms = milliseconds_since(start);
+    stats_.probability_ms = stopwatch.lap_ms();
     stats_.status |= filter_.status();
     stats_.keypoints = static_cast<int>(selection.size());
     stats_.kept = static_cast<int>(selection.kept.size());
     return selection;
+  }
+
+  /// The same for points that are tracked from image to image (KLT): `before[i]`, in pixels, is
+  /// where the point now[i] was in the last frame, NaN if it is new. Drops a point also one frame
+  /// before it is in the mask (KeypointReason::kEntering): a tracker drags points along there.
+  /// Throws Error unless there is one point before for each now.
+  template <class Keypoints, class Before>
+  const Selection& select_tracked(const Keypoints& now, const Before& before) {
+    tracked_ = select(now);
+    const int reach = scaled_px(kReachPx, mask_.image.size());
+    parts_.clear();
+    for (const DynamicObject& o : objects())
+      parts_.push_back(
+          {{o.box.x - reach, o.box.y - reach, o.box.width + 2 * reach, o.box.height + 2 * reach},
+           o.shift_px});
+    drop_entering(now, before, mask(), parts_, settings_.probability.min_kept, tracked_);
+    stats_.kept = static_cast<int>(tracked_.kept.size());
+    return tracked_;
   }
 
   /// The dynamic mask of the last frame.
@@ -147,12 +146,13 @@ class BasicFrontEnd {
   // The mask on its way, for evaluation and pictures: unions of masks, H x W, CV_8UC1, 255 =
   // dynamic. O(pixels).
   /// The segmenter's own, of dynamic classes.
-  cv::Mat raw_mask() const { return union_of(raw_instances_); }
+  cv::Mat raw_mask() const { return union_of(intake_.raw()); }
   /// What the motion check found.
   cv::Mat movers_mask() const { return union_of(motion_.found()); }
   /// Both, mended by the compensation.
   cv::Mat mended_mask() const {
-    return union_of((settings_.use_compensation ? compensator_.mended() : dynamic_).instances);
+    return union_of(
+        (settings_.use_compensation ? compensator_.mended() : intake_.taken()).instances);
   }
   /// The mask after compensation and depth fusion, before dilation.
   cv::Mat undilated_mask() const { return fuser_.undilated().clone(); }
@@ -160,86 +160,82 @@ class BasicFrontEnd {
   const EgoMotion& ego_motion() const { return ego_; }
   /// The objects of the last frame with their final masks, before dilation, and their blur.
   const std::vector<Instance>& instances() const { return fuser_.instances(); }
+  /// The objects of the last frame with ids, places and velocities. Ask after correct_pose(), which
+  /// makes the places better. An instance without a name that lies on another is none of its own.
+  /// Costs some 20 us for a few objects, at the first call after a frame or a pose; the reference
+  /// stays valid until the next frame.
+  const std::vector<DynamicObject>& objects() const {
+    return tracker_.objects(instances(), place());
+  }
   /// What was done with the last frame.
   const FrameStats& stats() const { return stats_; }
 
  private:
-  using Clock = std::chrono::steady_clock;
-
-  static double milliseconds_since(Clock::time_point start) {
-    return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
-  }
+  // How far a mask may reach beyond its object, in an image 640 wide.
+  static constexpr int kReachPx = 30;
 
   cv::Mat union_of(const std::vector<Instance>& instances) const {
     return mask_from_instances(instances, mask_.image.size());
   }
 
+  // The paper's Figure 2, with the motion check as a second source of instances; the keypoints
+  // (3.3) follow in select().
   void process(const RgbdFrame& frame, const Segmentation& segmentation,
                const std::optional<Eigen::Isometry3d>& T_current_last) {
     check_frame(frame);
     check_segmentation(segmentation, frame.color.size());
-    Clock::time_point start = Clock::now();
+    tracker_.finish(place());
+    Stopwatch stopwatch;
     context_.begin(frame, camera_);
     ego_.track(context_, T_current_last);
     if (settings_.use_motion) motion_.find(context_, ego_);
-    stats_.motion_ms = milliseconds_since(start);
+    stats_.motion_ms = stopwatch.lap_ms();
 
-    start = Clock::now();
     blur_.measure(context_);
-    keep_dynamic(segmentation);
-    const Segmentation* instances = &dynamic_;  // the segmenter's and the movers
-    if (settings_.use_compensation)
-      instances = &compensator_.mend(context_, dynamic_);
-    else
-      for (Instance& s : dynamic_.instances) s.blur = context_.blur.in(s.box);
-    stats_.compensation_ms = milliseconds_since(start);
+    intake_.take(context_, segmentation, motion_.found(), compensator_.objects(),
+                 (ego_.status() & kTimestampOrder) != 0);
+    const Segmentation& instances = compensate();  // 3.1
+    stats_.compensation_ms = stopwatch.lap_ms();
 
-    start = Clock::now();
-    mask_.image.release();  // for the fuser to use it again, unless the caller holds it
-    const DynamicMask& fused =
-        fuser_.fuse(context_, *instances, settings_.use_depth, settings_.late.widening_px(age_s_));
-    if (settings_.use_compensation)
-      compensator_.remember(
-          context_, settings_.compensation.use_depth ? fuser_.instances() : instances->instances);
-    stats_.depth_ms = milliseconds_since(start);
+    fuse(instances);  // 3.2
+    stats_.depth_ms = stopwatch.lap_ms();
 
     if (settings_.use_motion) {
-      start = Clock::now();
       motion_.remember(fuser_.undilated());
       ego_.remember(fuser_.undilated());
-      stats_.motion_ms += milliseconds_since(start);
     }
-
-    mask_.image = fused.image;
-    mask_.timestamp = frame.timestamp;
-    mask_.age_s = age_s_;
-    predictor_.remember(compensator_.objects());
-    report(instances->instances.size());
+    stats_.motion_ms += stopwatch.lap_ms();
+    intake_.remember(compensator_.objects());
+    tracker_.observe(context_, fuser_.instances(), memory_ids());
+    report(instances.instances.size());
   }
 
-  // Of the segmentation, predicted forward if it is late, what is dynamic, and the movers.
-  void keep_dynamic(const Segmentation& segmentation) {
-    dynamic_.available = segmentation.available;
-    dynamic_.timestamp = segmentation.timestamp;
-    dynamic_.instances.clear();
-    if (segmentation.available)
-      for (const Instance& s : segmentation.instances)
-        if (is_dynamic(s, settings_.dynamic_classes)) dynamic_.instances.push_back(s);
-    raw_instances_ = dynamic_.instances;
-    // Without a segmenter, nothing can come late.
-    if (segmenter_ || &segmentation != &segmented_) predictor_.forward(context_, dynamic_);
-    const std::vector<Instance>& movers = motion_.found();
-    doubted_ = settings_.use_compensation && segmentation.available
-                   ? sudden_.filter(dynamic_.timestamp, context_.size(), compensator_.objects(),
-                                    movers, dynamic_.instances)
-                   : 0;
-    dynamic_.instances.insert(dynamic_.instances.end(), movers.begin(), movers.end());
-    if (ego_.status() & kTimestampOrder)
-      newest_result_s_ = -std::numeric_limits<double>::infinity();
-    const double now_s = context_.frame.timestamp;
-    if (dynamic_.available)
-      newest_result_s_ = dynamic_.timestamp < now_s ? dynamic_.timestamp : now_s;
-    age_s_ = now_s - newest_result_s_;
+  const Segmentation& compensate() {
+    if (settings_.use_compensation) return compensator_.mend(context_, intake_.taken());
+    for (Instance& s : intake_.taken().instances) s.blur = context_.blur.in(s.box);
+    return intake_.taken();
+  }
+
+  void fuse(const Segmentation& instances) {
+    mask_.image.release();  // for the fuser to use it again, unless the caller holds it
+    const DynamicMask& fused =
+        fuser_.fuse(context_, instances, settings_.use_depth, intake_.widening_px());
+    if (settings_.use_compensation)
+      compensator_.remember(
+          context_, settings_.compensation.use_depth ? fuser_.instances() : instances.instances);
+    mask_.image = fused.image;
+    mask_.timestamp = fused.timestamp;
+    mask_.age_s = intake_.age_s();
+  }
+
+  const std::vector<int>& memory_ids() const {
+    static const std::vector<int> none;
+    return settings_.use_compensation ? compensator_.ids() : none;
+  }
+
+  CameraPlace place() const {
+    return {ego_.pose(), ego_.pose_at(context_.frame.depth_time()), ego_.chain(),
+            ego_.T_host_world()};
   }
 
   static EgoMotionSettings ego_settings(const Settings& settings) {
@@ -251,12 +247,10 @@ class BasicFrontEnd {
   void report(std::size_t instances) {
     stats_.timestamp = context_.frame.timestamp;
     stats_.blur = context_.blur.whole;
-    stats_.status = fuser_.status() | predictor_.status() | ego_.status();
-    if (doubted_ > 0) stats_.status |= kObjectDoubted;
+    stats_.segmenter_error = intake_.error();
+    stats_.status = fuser_.status() | intake_.status() | ego_.status();
     stats_.moving = static_cast<int>(motion_.found().size());
     stats_.restored = 0;
-    if (!dynamic_.available) stats_.status |= kNoSegmentation;
-    if (std::isinf(age_s_)) stats_.status |= kNeverSegmented;
     if (settings_.use_compensation) {
       stats_.status |= compensator_.status();
       stats_.restored = compensator_.restored();
@@ -276,17 +270,14 @@ class BasicFrontEnd {
   EgoMotion ego_;
   MotionCheck motion_;
   BlurMeter blur_;
-  ForwardPredictor predictor_;
-  SuddenObjectFilter sudden_;
+  SegmentationIntake intake_;
   SegmentationCompensator compensator_;
+  mutable ObjectTracker tracker_;  // objects() is computed when it is asked for
   DepthMaskFuser fuser_;
   ProbabilisticKeypointFilter<NeighborSearch> filter_;
-  Segmentation segmented_, dynamic_;
-  std::vector<Instance> raw_instances_;
   DynamicMask mask_;
-  int doubted_ = 0;  // instances of the last frame
-  double newest_result_s_ = -std::numeric_limits<double>::infinity();
-  double age_s_ = std::numeric_limits<double>::infinity();  // of it, at the last frame
+  Selection tracked_;
+  std::vector<MaskMotion> parts_;
   FrameStats stats_;
 };
 

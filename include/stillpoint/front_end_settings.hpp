@@ -10,6 +10,7 @@
 #include "stillpoint/motion/blur_meter.hpp"
 #include "stillpoint/motion/ego_motion.hpp"
 #include "stillpoint/motion/motion_check.hpp"
+#include "stillpoint/objects/object_tracker_settings.hpp"
 #include "stillpoint/segmentation/dynamic_class.hpp"
 #include "stillpoint/segmentation/late_segmentation_settings.hpp"
 #include "stillpoint/segmentation/segmentation_compensator_settings.hpp"
@@ -28,6 +29,7 @@ struct FrontEndSettings {
   EgoMotionSettings ego;
   LateSegmentationSettings late;
   BlurMeterSettings blur;
+  ObjectTrackerSettings objects;
   /// What the camera's measurements are worth.
   SensorModel sensor;
   bool use_compensation = true;

@@ -8,11 +8,12 @@ namespace stillpoint {
 
 /// Why a keypoint was kept or removed.
 enum class KeypointReason : std::uint8_t {
-  kStatic,         ///< kept: probability at most the threshold
-  kFloor,          ///< kept although too probable: the tracker needs a minimum of keypoints
-  kInMask,         ///< removed: lies in the dynamic mask
-  kProbable,       ///< removed: near dynamic keypoints, probability above the threshold
-  kOutsidePicture  ///< removed: NaN coordinates or outside the picture
+  kStatic,          ///< kept: probability at most the threshold
+  kFloor,           ///< kept although too probable: the tracker needs a minimum of keypoints
+  kInMask,          ///< removed: lies in the dynamic mask
+  kProbable,        ///< removed: near dynamic keypoints, probability above the threshold
+  kOutsidePicture,  ///< removed: NaN coordinates or outside the picture
+  kEntering         ///< removed: will be in the mask in the next frame (tracked points only)
 };
 
 /// What the front end says of each keypoint, by index; keypoints and descriptors stay the host's.

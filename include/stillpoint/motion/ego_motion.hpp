@@ -121,6 +121,8 @@ class EgoMotion {
     }
     host_pose_ = T_world_camera;
     corrected_ = true;
+    T_host_world_ = T_world_camera * T_world_camera_.inverse();
+    host_chain_ = chain_;
   }
 
   /// Tells what was taken for dynamic in the last frame, CV_8UC1 of its size.
@@ -163,6 +165,11 @@ class EgoMotion {
     return motion_ && step_s_ > 0 && std::isfinite(step_s_)
                ? motion_->translation().norm() / step_s_
                : 0;
+  }
+  /// Maps the world of these poses into the host's, by the last pose that the host told; empty:
+  /// nothing is known of it.
+  std::optional<Eigen::Isometry3d> T_host_world() const {
+    return host_chain_ == chain_ ? T_host_world_ : std::nullopt;
   }
   /// Poses hang together as long as this number is the same.
   int chain() const { return chain_; }
@@ -241,7 +248,8 @@ class EgoMotion {
   Eigen::Isometry3d T_world_camera_ = Eigen::Isometry3d::Identity();
   double last_s_ = -std::numeric_limits<double>::infinity();
   double step_s_ = 0;  // to the last frame from the one before
-  int chain_ = 0;
+  std::optional<Eigen::Isometry3d> T_host_world_;
+  int chain_ = 0, host_chain_ = 0;  // of T_host_world_
   std::uint32_t status_ = kOk;
 };
 

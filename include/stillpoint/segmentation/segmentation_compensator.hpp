@@ -121,8 +121,10 @@ class SegmentationCompensator {
       objects_.back().id = next_id_++;
       objects_.back().seen_s = context.frame.timestamp;
     }
+    ids_.resize(owner_.size());
     for (std::size_t i = 0; i < owner_.size(); ++i) {
       RememberedObject& object = objects_[static_cast<std::size_t>(owner_[i])];
+      ids_[i] = object.id;
       if (!object.alive) continue;
       object.observe(context.gray(), depth, refined[i], &output_.instances[i]);
       if (object.inside().size() >= kFewestPoints)
@@ -133,6 +135,9 @@ class SegmentationCompensator {
     forget_dead();
   }
 
+  /// The id of the object that each instance of the last mend() is, in their order, since
+  /// remember().
+  const std::vector<int>& ids() const { return ids_; }
   /// The objects that are remembered, as they were in the last frame.
   const std::vector<RememberedObject>& objects() const { return objects_; }
   /// How many objects the last mend() or compensate() restored, wholly or partly.
@@ -403,6 +408,7 @@ class SegmentationCompensator {
   Segmentation output_;
   std::size_t given_ = 0;
   std::vector<int> owner_;        // instance -> object
+  std::vector<int> ids_;          // instance -> id of its object
   std::vector<int> instance_of_;  // object -> instance
   std::vector<Pair> pairs_;
   detail::MaskPool masks_;

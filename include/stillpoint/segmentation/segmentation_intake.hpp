@@ -1,0 +1,138 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <Eigen/Geometry>
+#include <cmath>
+#include <cstdint>
+#include <exception>
+#include <limits>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "stillpoint/core/camera.hpp"
+#include "stillpoint/core/frame_context.hpp"
+#include "stillpoint/core/instance.hpp"
+#include "stillpoint/core/status.hpp"
+#include "stillpoint/segmentation/dynamic_class.hpp"
+#include "stillpoint/segmentation/forward_predictor.hpp"
+#include "stillpoint/segmentation/late_segmentation_settings.hpp"
+#include "stillpoint/segmentation/remembered_object.hpp"
+#include "stillpoint/segmentation/segmentation_compensator_settings.hpp"
+#include "stillpoint/segmentation/segmenter.hpp"
+#include "stillpoint/segmentation/sudden_object_filter.hpp"
+
+namespace stillpoint {
+
+/// What the front end takes of a segmentation: dynamic classes only, late ones predicted forward
+/// (ForwardPredictor), without what appears out of nothing (SuddenObjectFilter); and the movers.
+/// Keeps count of how old the newest result is. Not thread-safe; one object per camera.
+class SegmentationIntake {
+ public:
+  /// `doubt`: whether sudden objects are left out.
+  SegmentationIntake(const std::vector<DynamicClass>& classes, const LateSegmentationSettings& late,
+                     const SegmentationCompensatorSettings& compensation, bool doubt,
+                     const Camera& camera)
+      : classes_(classes),
+        late_(late),
+        doubt_(doubt),
+        predictor_(late, compensation, camera),
+        sudden_(compensation) {}
+
+  /// What a segmenter says of a checked frame; null: nothing. One that throws, or whose result does
+  /// not fit the frame, counts as one without a result; see error(). The reference stays valid
+  /// until the next call.
+  const Segmentation& ask(Segmenter* segmenter, const RgbdFrame& frame) {
+    ask_nobody();
+    asked_ = Segmentation();
+    may_be_late_ = segmenter != nullptr;
+    if (!segmenter) return asked_;
+    try {
+      asked_ = segmenter->segment(frame);
+      check_segmentation(asked_, frame.color.size());
+      return asked_;
+    } catch (const std::exception& error) {
+      error_ = error.what();
+    } catch (...) {
+      error_ = "an exception that is not a std::exception";
+    }
+    failed_ = true;
+    return asked_ = Segmentation();
+  }
+  /// The next segmentation is the caller's own.
+  void ask_nobody() {
+    error_.clear();
+    failed_ = false;
+    may_be_late_ = true;
+  }
+
+  /// Takes the segmentation of a frame. `starts_anew`: time went back.
+  void take(const FrameContext& context, const Segmentation& segmentation,
+            const std::vector<Instance>& movers, const std::vector<RememberedObject>& remembered,
+            bool starts_anew) {
+    dynamic_.available = segmentation.available;
+    dynamic_.timestamp = segmentation.timestamp;
+    dynamic_.instances.clear();
+    if (segmentation.available)
+      for (const Instance& s : segmentation.instances)
+        if (is_dynamic(s, classes_)) dynamic_.instances.push_back(s);
+    raw_ = dynamic_.instances;
+    if (may_be_late_) predictor_.forward(context, dynamic_);
+    doubted_ = doubt_ && segmentation.available
+                   ? sudden_.filter(dynamic_.timestamp, context.size(), remembered, movers,
+                                    dynamic_.instances)
+                   : 0;
+    dynamic_.instances.insert(dynamic_.instances.end(), movers.begin(), movers.end());
+    if (starts_anew) newest_result_s_ = -std::numeric_limits<double>::infinity();
+    const double now_s = context.frame.timestamp;
+    if (dynamic_.available)
+      newest_result_s_ = dynamic_.timestamp < now_s ? dynamic_.timestamp : now_s;
+    age_s_ = now_s - newest_result_s_;
+  }
+
+  /// What the last take() left: dynamic instances, then the movers.
+  Segmentation& taken() { return dynamic_; }
+  const Segmentation& taken() const { return dynamic_; }
+
+  /// Takes note of where the compensator's objects were found in the frame of take().
+  void remember(const std::vector<RememberedObject>& objects) { predictor_.remember(objects); }
+  /// Tells the camera's motion to the frame of take(), once it is known better.
+  void set_motion(const std::optional<Eigen::Isometry3d>& T_current_last) {
+    predictor_.set_motion(T_current_last);
+  }
+
+  /// The segmenter's own instances of dynamic classes.
+  const std::vector<Instance>& raw() const { return raw_; }
+  /// Message of what the segmenter threw in the last ask(); empty if it did not.
+  const std::string& error() const { return error_; }
+  /// Age of the newest result at the last frame, seconds; infinity before the first.
+  double age_s() const { return age_s_; }
+  /// By how much masks of that age are widened.
+  int widening_px() const { return late_.widening_px(age_s_); }
+  /// Bits of the last frame: kNoSegmentation, kNeverSegmented, kMaskStale, kObjectDoubted,
+  /// kSegmenterFailed.
+  std::uint32_t status() const {
+    std::uint32_t status = predictor_.status();
+    if (failed_) status |= kSegmenterFailed;
+    if (doubted_ > 0) status |= kObjectDoubted;
+    if (!dynamic_.available) status |= kNoSegmentation;
+    if (std::isinf(age_s_)) status |= kNeverSegmented;
+    return status;
+  }
+
+ private:
+  std::vector<DynamicClass> classes_;
+  LateSegmentationSettings late_;
+  bool doubt_;
+  ForwardPredictor predictor_;
+  SuddenObjectFilter sudden_;
+  Segmentation asked_, dynamic_;
+  std::string error_;
+  bool failed_ = false, may_be_late_ = true;  // of the last ask()
+  std::vector<Instance> raw_;
+  int doubted_ = 0;  // instances of the last frame
+  double newest_result_s_ = -std::numeric_limits<double>::infinity();
+  double age_s_ = std::numeric_limits<double>::infinity();
+};
+
+}  // namespace stillpoint
