@@ -66,6 +66,25 @@ TEST(Ate, DoesNotCorrectScaleOrMirror) {
   EXPECT_NEAR(ate(truth, mirrored).T_groundtruth_estimate.linear().determinant(), 1, 1e-9);
 }
 
+TEST(Ate, Sim3CorrectsTheScaleAndNoMirror) {
+  std::mt19937 random(9);
+  const Trajectory truth = random_trajectory(50, 1);
+  Trajectory scaled = truth;
+  const Eigen::Isometry3d T = random_pose(random);
+  for (auto& pose : scaled) {
+    pose.T_world_camera = T * pose.T_world_camera;
+    pose.T_world_camera.translation() *= 0.8;
+  }
+  const auto result = ate(truth, scaled, 0.02, stillpoint::Alignment::kSim3);
+  EXPECT_LT(result.max_m, 1e-12);
+  EXPECT_NEAR(result.scale, 1.25, 1e-12);
+  Trajectory mirrored = truth, still = truth;
+  for (auto& pose : mirrored) pose.T_world_camera.translation().z() *= -1;
+  EXPECT_GT(ate(truth, mirrored, 0.02, stillpoint::Alignment::kSim3).rmse_m, 0.5);
+  for (auto& pose : still) pose.T_world_camera.translation().setOnes();
+  EXPECT_EQ(ate(truth, still, 0.02, stillpoint::Alignment::kSim3).scale, 1);
+}
+
 TEST(Ate, StatisticsOfKnownErrors) {
   const auto s = stillpoint::error_statistics({3, 1, 2, 6});
   EXPECT_DOUBLE_EQ(s.rmse, std::sqrt(50 / 4.0));
@@ -240,6 +259,42 @@ TEST(Ate, AgreesWithTheTumBenchmarkOnRealTrajectories) {
     EXPECT_NEAR(r.median_m, e.median, 1e-8) << e.file;
     EXPECT_NEAR(r.min_m, e.min, 1e-8) << e.file;
     EXPECT_NEAR(r.max_m, e.max, 1e-8) << e.file;
+  }
+}
+
+// evo 1.36.5's own output: `evo_ape tum GROUNDTRUTH ESTIMATE --align --t_max_diff 0.01` (and 0.02:
+// the same pairs), and with --correct_scale.
+TEST(Ate, AgreesWithEvoOnRealTrajectories) {
+  const std::filesystem::path folder = STILLPOINT_SHARED_DATA "/real/fr3_walking_xyz";
+  if (!std::filesystem::exists(folder)) GTEST_SKIP() << "no " << folder;
+  struct Expected {
+    const char* file;
+    std::size_t pairs;
+    double rmse, sd, median, max, sim3_rmse, sim3_sd, sim3_max, scale;
+  };
+  const Trajectory truth = stillpoint::read_trajectory(folder / "groundtruth.txt");
+  for (const Expected& e :
+       {Expected{"CameraTrajectory_bf.txt", 202, 0.149736224, 0.075708320, 0.113857171, 0.335785280,
+                 0.096447515, 0.047810659, 0.194231741, 0.625020160},
+        Expected{"CameraTrajectory_cfs.txt", 43, 0.107812476, 0.046036797, 0.100048131, 0.170228579,
+                 0.030421001, 0.019056936, 0.066102259, 0.431021917},
+        Expected{"CameraTrajectory_rm.txt", 48, 0.107292216, 0.049381455, 0.096385955, 0.176939368,
+                 0.039413699, 0.023455281, 0.093794461, 0.410010792}}) {
+    const Trajectory estimate = stillpoint::read_trajectory(folder / e.file);
+    for (double apart : {0.01, 0.02}) {
+      const auto se3 = ate(truth, estimate, apart);
+      EXPECT_EQ(se3.pairs, e.pairs) << e.file;
+      EXPECT_NEAR(se3.rmse_m, e.rmse, 1e-8) << e.file;
+      EXPECT_NEAR(se3.sd_m, e.sd, 1e-8) << e.file;
+      EXPECT_NEAR(se3.median_m, e.median, 1e-8) << e.file;
+      EXPECT_NEAR(se3.max_m, e.max, 1e-8) << e.file;
+      EXPECT_EQ(se3.scale, 1) << e.file;
+      const auto sim3 = ate(truth, estimate, apart, stillpoint::Alignment::kSim3);
+      EXPECT_NEAR(sim3.rmse_m, e.sim3_rmse, 1e-8) << e.file;
+      EXPECT_NEAR(sim3.sd_m, e.sim3_sd, 1e-8) << e.file;
+      EXPECT_NEAR(sim3.max_m, e.sim3_max, 1e-8) << e.file;
+      EXPECT_NEAR(sim3.scale, e.scale, 1e-8) << e.file;
+    }
   }
 }
 

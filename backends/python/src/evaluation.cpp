@@ -6,6 +6,8 @@
 #include "frames.hpp"
 #include "selections.hpp"
 #include "settings.hpp"
+#include "stillpoint/evaluation/bonn_ground_truth.hpp"
+#include "stillpoint/evaluation/bootstrap.hpp"
 #include "stillpoint/evaluation/coverage.hpp"
 #include "stillpoint/evaluation/keypoint_metrics.hpp"
 #include "stillpoint/evaluation/mask_metrics.hpp"
@@ -43,7 +45,8 @@ void bind_ate(py::module_& m) {
       .def_property_readonly(
           "T_groundtruth_estimate",
           [](const AteResult& a) { return array_of(a.T_groundtruth_estimate); },
-          "4 x 4, maps the estimate's world to the ground truth's.")
+          "4 x 4, maps the estimate's world to the ground truth's; scale comes before it.")
+      .def_readonly("scale", &AteResult::scale, "1 unless with_scale=True.")
       .def_property_readonly(
           "matches", [](const AteResult& a) { return pairs_of(a.matches); },
           "(M, 2) int64: indices in the ground truth and in the estimate.")
@@ -55,14 +58,34 @@ void bind_ate(py::module_& m) {
       });
   m.def(
       "ate",
-      [](const py::object& groundtruth, const py::object& estimate, const py::object& difference) {
+      [](const py::object& groundtruth, const py::object& estimate, const py::object& difference,
+         bool with_scale) {
         return ate(trajectory_of(groundtruth, "groundtruth"), trajectory_of(estimate, "estimate"),
-                   number_of(difference, "max_difference_s"));
+                   number_of(difference, "max_difference_s"),
+                   with_scale ? Alignment::kSim3 : Alignment::kSE3);
       },
       py::arg("groundtruth"), py::arg("estimate"), py::arg("max_difference_s") = 0.02,
+      py::arg("with_scale") = false,
       "Absolute trajectory error as the TUM benchmark defines it, aligned without "
       "scale.\n\nevo_ape "
-      "tum --align is the same with max_difference_s=0.01.");
+      "tum --align is the same with max_difference_s=0.01. with_scale: aligned in Sim(3).");
+  m.def(
+      "camera_of_bonn_body",
+      [](const py::object& body) {
+        return trajectory_to_python(camera_of_bonn_body(trajectory_of(body, "body")));
+      },
+      py::arg("body"),
+      "Turns the ground truth of the Bonn data set, which is of its markers, into the camera's.");
+  m.def(
+      "median_interval",
+      [](const py::object& values, double confidence, int samples, std::uint64_t seed) {
+        const Interval sure =
+            median_interval(numbers_of(values, "values"), confidence, samples, seed);
+        return py::make_tuple(sure.low, sure.high);
+      },
+      py::arg("values"), py::arg("confidence") = 0.95, py::arg("samples") = 2000,
+      py::arg("seed") = 1,
+      "How sure the median of a few runs is: the bootstrap's (low, high); NaN of fewer than two.");
 }
 
 void bind_rpe(py::module_& m) {

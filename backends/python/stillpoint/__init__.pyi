@@ -58,9 +58,11 @@ from stillpoint._types.evaluation import MaskMetrics as MaskMetrics
 from stillpoint._types.evaluation import RpeResult as RpeResult
 from stillpoint._types.evaluation import associate as associate
 from stillpoint._types.evaluation import ate as ate
+from stillpoint._types.evaluation import camera_of_bonn_body as camera_of_bonn_body
 from stillpoint._types.evaluation import compare_keypoints as compare_keypoints
 from stillpoint._types.evaluation import compare_masks as compare_masks
 from stillpoint._types.evaluation import coverage as coverage
+from stillpoint._types.evaluation import median_interval as median_interval
 from stillpoint._types.evaluation import rpe as rpe
 
 __all__: list[str]

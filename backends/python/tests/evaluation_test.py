@@ -66,6 +66,34 @@ def test_ate_is_evo_ape_with_align(truth, estimate):
     assert result.matches.shape == (result.pairs, 2) == (160, 2)
 
 
+def test_ate_with_scale_finds_the_scale(truth, estimate):
+    poses = estimate.poses.copy()
+    poses[:, :3, 3] *= 0.8
+    small = stillpoint.Trajectory(estimate.timestamps, poses)
+    plain = stillpoint.ate(truth, small)
+    scaled = stillpoint.ate(truth, small, with_scale=True)
+    assert plain.scale == 1
+    assert scaled.scale == pytest.approx(1.25, rel=0.01)
+    assert scaled.rmse_m < 0.5 * plain.rmse_m
+
+
+def test_median_interval_is_deterministic_and_holds_the_median():
+    errors = [0.016, 0.014, 0.019, 0.015, 0.017]
+    low, high = stillpoint.median_interval(errors)
+    assert min(errors) <= low <= np.median(errors) <= high <= max(errors)
+    assert (low, high) == stillpoint.median_interval(errors)
+    assert np.isnan(stillpoint.median_interval([1.0])).all()
+
+
+def test_the_body_of_bonn_is_19_mm_from_the_camera(truth):
+    camera = stillpoint.camera_of_bonn_body(truth)
+    ros = np.array([[-1, 0, 0], [0, 0, 1], [0, 1, 0]])
+    lever = np.array([0.0113, -0.0098, 0.0111])
+    expected = (ros.T @ (truth.poses[:, :3, :3] @ ros @ lever + truth.poses[:, :3, 3]).T).T
+    assert np.allclose(camera.poses[:, :3, 3], expected, atol=1e-12)
+    assert stillpoint.ate(truth, camera).rmse_m < 0.019
+
+
 def test_rpe_is_evo_rpe(truth, estimate):
     """`evo_rpe tum --delta 1 --delta_unit f`, in translation and in degrees of rotation."""
     i, j = stillpoint.associate(truth.timestamps, estimate.timestamps, 0.02).T

@@ -10,6 +10,8 @@
 #include "stillpoint/core/associate.hpp"
 #include "stillpoint/core/error.hpp"
 #include "stillpoint/core/trajectory.hpp"
+#include "stillpoint/evaluation/error_statistics.hpp"
+#include "stillpoint/evaluation/timestamps.hpp"
 #include "stillpoint/evaluation/trajectory_error.hpp"
 
 namespace stillpoint {
