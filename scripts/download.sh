@@ -148,7 +148,7 @@ get_sequence() { # FOLDER BYTES LICENSE URL
   echo "$to/$folder: downloaded and checked"
 }
 
-# The whole of download_tum and download_bonn: SET is the first column of the list.
+# The whole of download_tum, _bonn and _wild_slam: SET is the first column of the list.
 download_sequences() { # SET
   local set=$1 wanted row folder bytes license url
   rows_of_set() { rows | awk -F'\t' -v set="$set" '$1 == set' | cut -f2-; }
@@ -170,5 +170,7 @@ download_sequences() { # SET
     IFS=$'\t' read -r _ folder bytes license url <<<"$row"
     get_sequence "$folder" "$bytes" "$license" "$url"
   done
-  echo "Next: masks of your network (stillpoint segment --help), then stillpoint bench --paper $to"
+  local next="stillpoint bench --paper $to"
+  [[ $set != wild_slam ]] || next="stillpoint bench $to/*"
+  echo "Next: masks of your network (stillpoint segment --help), then $next"
 }
