@@ -6,11 +6,14 @@ jobs=$(nproc)
 
 # What the command line needs, and what the tests and benchmarks need on top.
 packages_build=(cmake g++ ninja-build pkg-config libeigen3-dev libopencv-dev libflann-dev
-                libnanoflann-dev libceres-dev libyaml-cpp-dev nlohmann-json3-dev libcli11-dev)
+                libnanoflann-dev libceres-dev libyaml-cpp-dev nlohmann-json3-dev libcli11-dev
+                libkainjow-mustache-dev libjs-chart.js)
 packages_test=("${packages_build[@]}" ccache clang libgtest-dev libbenchmark-dev doxygen
                python3-onnx python3-pytest python3-mypy python3-opencv python3-matplotlib
                python3-dev python3-venv python3-pip python3-build python3-setuptools python3-wheel
                python3-numpy pybind11-dev)
+# What one test each needs, and skips without. Debian has them, not every Ubuntu does.
+packages_optional=(chromium)
 
 # Prints which of the given Debian packages are not installed.
 missing_packages() {

@@ -2,6 +2,10 @@
 #include "accuracy.hpp"
 
 #include <cmath>
+#include <utility>
+
+#include "stillpoint/evaluation/bonn_ground_truth.hpp"
+#include "terminal.hpp"
 
 namespace stillpoint::cli {
 namespace {
@@ -39,8 +43,11 @@ void add_paths(Json& series, const Trajectory& truth, const Trajectory& estimate
 
 Accuracy measure_accuracy(const Trajectory& groundtruth, const Trajectory& estimate,
                           const std::vector<double>& frames, const RpeSettings& rpe_settings) {
-  return {ate(groundtruth, estimate), rpe(groundtruth, estimate, rpe_settings),
-          coverage(groundtruth, estimate, frames)};
+  return {ate(groundtruth, estimate, kMaxDifferenceS),
+          ate(groundtruth, estimate, kMaxDifferenceS, Alignment::kSim3),
+          rpe(groundtruth, estimate, rpe_settings),
+          rpe(groundtruth, estimate, RpeSettings::over_seconds(1)),
+          coverage(groundtruth, estimate, frames, kMaxDifferenceS)};
 }
 
 Json to_json(const Accuracy& a) {
@@ -52,7 +59,28 @@ Json to_json(const Accuracy& a) {
           {"rpe_trans_m", a.rpe.translation_m.rmse},
           {"rpe_rot_deg", a.rpe.rotation_deg.rmse},
           {"coverage", a.coverage.share},
-          {"pairs", a.ate.pairs}};
+          {"pairs", a.ate.pairs},
+          {"rpe_1s_trans_m", a.rpe_1s.translation_m.rmse},
+          {"rpe_1s_rot_deg", a.rpe_1s.rotation_deg.rmse},
+          {"ate_sim3_rmse_m", a.ate_sim3.rmse_m},
+          {"scale", a.ate_sim3.scale},
+          {"max_difference_s", kMaxDifferenceS}};
+}
+
+std::string evo_command(const std::filesystem::path& groundtruth,
+                        const std::filesystem::path& estimate) {
+  const auto quoted = [](const std::string& word) {
+    const bool plain = word.find_first_not_of(
+                           "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz"
+                           "0123456789_-./=+,") == std::string::npos;
+    return plain ? word : "'" + word + "'";
+  };
+  return "evo_ape tum " + quoted(groundtruth.string()) + " " + quoted(estimate.string()) +
+         " --align --t_max_diff " + fixed(kMaxDifferenceS, 2);
+}
+
+Trajectory camera_groundtruth(Trajectory groundtruth, const std::string& of) {
+  return of == "body" ? camera_of_bonn_body(std::move(groundtruth)) : groundtruth;
 }
 
 void add_accuracy(Json& stats, Json* series, const Trajectory& groundtruth,

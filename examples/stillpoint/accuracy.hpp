@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #pragma once
 
+#include <filesystem>
 #include <functional>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -13,16 +14,29 @@ namespace stillpoint::cli {
 
 /// How good a trajectory is, by the keys that `evaluate --json`, stats.json and bench share.
 struct Accuracy {
-  AteResult ate;
-  RpeResult rpe;
+  /// Aligned without scale, and with it.
+  AteResult ate, ate_sim3;
+  /// From frame to frame (or what was asked for), and over a second.
+  RpeResult rpe, rpe_1s;
   Coverage coverage;
 };
+
+/// Poses are paired when less than this apart, as the TUM benchmark does.
+constexpr double kMaxDifferenceS = 0.02;
 
 /// Throws Error if fewer than three poses match.
 Accuracy measure_accuracy(const Trajectory& groundtruth, const Trajectory& estimate,
                           const std::vector<double>& frames, const RpeSettings& rpe_settings);
 
 nlohmann::ordered_json to_json(const Accuracy& accuracy);
+
+/// The command of evo (github.com/MichaelGrupp/evo) that gives the same ATE.
+std::string evo_command(const std::filesystem::path& groundtruth,
+                        const std::filesystem::path& estimate);
+
+/// The camera's ground truth. `of`: what the file's poses are of, "camera", or "body" for Bonn's
+/// body of markers.
+Trajectory camera_groundtruth(Trajectory groundtruth, const std::string& of);
 
 /// Puts coverage, "coverage_of" and, unless too little was tracked, "evaluation" into `stats`, by
 /// one rule for our own runs and for other systems' trajectories. `frames`: timestamps of all

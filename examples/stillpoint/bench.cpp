@@ -1,18 +1,13 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include <algorithm>
-#include <chrono>
 #include <cstdio>
-#include <fstream>
-#include <functional>
 #include <memory>
-#include <mutex>
-#include <opencv2/core.hpp>
-#include <thread>
 
 #include "bench_paper.hpp"
 #include "bench_plan.hpp"
 #include "bench_results.hpp"
-#include "bench_studies.hpp"
+#include "bench_run.hpp"
+#include "bench_summary.hpp"
 #include "commands.hpp"
 #include "options.hpp"
 #include "stillpoint/core/error.hpp"
@@ -27,90 +22,14 @@ using Json = nlohmann::ordered_json;
 
 struct BenchOptions {
   BenchPlan plan;
-  fs::path out;
+  BenchRun how;
   /// Folder with the sequences of the paper; empty: not asked for.
   fs::path paper;
   std::string shard;
   std::vector<fs::path> merge;
   /// Merge also what is incomplete.
   bool partial = false;
-  int parallel = 1;
-  bool fresh = false;
 };
-
-/// True if the file holds the finished result of this very job.
-bool is_done(const fs::path& file, const Json& key) {
-  std::ifstream in(file);
-  if (!in) return false;
-  const Json old = Json::parse(in, nullptr, false);
-  return old.is_object() && old.contains("stats") && old.value("job", Json()) == key;
-}
-
-void run_one(const BenchJob& job, const BenchOptions& options,
-             const std::function<void(double share)>& progress) {
-  const fs::path file = options.out / job.result_file();
-  const fs::path base = fs::path(file).replace_extension();  // VARIANT.RUN
-  make_folder(file.parent_path());
-  RunOutputs outputs;
-  outputs.trajectory = base.string() + ".trajectory.txt";
-  outputs.series = true;
-  const std::string& variant = job.variant.name;
-  const bool shown =
-      job.run == 0 && (variant == "off" || variant == "default" || variant == "network_only");
-  if (shown) {
-    outputs.overlays_dir = base.string() + ".overlays";
-    outputs.overlays_jpeg = true;
-    outputs.overlay_stems =
-        frames_to_show(job, job.masks_folder.empty() ? "masks" : job.masks_folder);
-    fs::remove_all(outputs.overlays_dir);
-    outputs.map_views_dir = base.string() + ".map";
-  }
-  Json result;
-  result["job"] = job.key;
-  try {
-    if (!job.estimate.empty())
-      result["stats"] = judge_estimate(job.settings.sequence, job.estimate, job.settings.frames);
-    else
-      result["stats"] = run_job(job.settings, outputs, [&](std::size_t done, std::size_t total) {
-        progress(static_cast<double>(done) / static_cast<double>(total));
-      });
-  } catch (const Error& e) {
-    result["error"] = e.what();
-  }
-  // Beside other jobs the process's memory is not this one's.
-  if (options.parallel > 1 && result.contains("stats")) result["stats"].erase("peak_memory_mb");
-  if (shown && result.contains("stats")) {
-    result["overlays"] = Json::array();
-    for (const std::string& stem : outputs.overlay_stems)
-      result["overlays"].push_back(outputs.overlays_dir.filename().string() + "/" + stem + ".jpg");
-    for (const char* name : {"behind", "above"})
-      result["map_views"].push_back(outputs.map_views_dir.filename().string() + "/" + name +
-                                    ".jpg");
-  }
-  write_json(file, result);
-}
-
-void print_job(const BenchJob& job, const fs::path& file, bool kept, double seconds) {
-  std::ifstream in(file);
-  const Json result = Json::parse(in, nullptr, false);
-  std::string label = job.label();
-  label.erase(0, label.find_first_not_of(' '));
-  std::string line = job.sequence + ", " + label + ", run " + std::to_string(job.run + 1) + ": ";
-  if (result.contains("error")) {
-    line += result["error"].get<std::string>();
-  } else {
-    const Json& stats = result["stats"];
-    line += "coverage " + fixed(100 * stats.value("coverage", 0.0), 1) + " %";
-    if (stats.contains("evaluation") && stats["evaluation"]["ate_rmse_m"].is_number())
-      line += ", ATE " + fixed(stats["evaluation"]["ate_rmse_m"].get<double>(), 4) + " m";
-  }
-  if (result.contains("stats"))
-    for (const Json& note : result["stats"].value("notes", Json::array()))
-      line += "\n  note: " + note.get<std::string>();
-  line += kept ? "  (kept from before)" : "  (" + fixed(seconds, 1) + " s)";
-  std::printf("%s\n", line.c_str());
-  std::fflush(stdout);
-}
 
 /// Part `index` of `count` of the runs, from "I/N".
 struct Shard {
@@ -135,6 +54,13 @@ std::string some_of(const std::vector<std::string>& all) {
                              : text;
 }
 
+std::string text_of(const Table& table) {
+  TextTable text(table.header);
+  text.rule();
+  for (const std::vector<std::string>& row : table.rows) text.add(row);
+  return text.text();
+}
+
 /// Makes table, CSV, JSON and page of the plan's results in these folders.
 void write_page(const std::vector<fs::path>& folders, const Json& plan, bool partial,
                 const fs::path& out) {
@@ -153,25 +79,16 @@ void write_page(const std::vector<fs::path>& folders, const Json& plan, bool par
              {{"command", command_line()}, {"rows", rows}, {"missing", missing}});
   write_file(out / "results.csv", rows_csv(rows), "table");
   write_file(out / "index.html", make_page(rows, results, command), "page");
-  std::string pictures;
-  for (const auto& [name, picture] : {std::make_pair("blur.svg", blur_picture(rows, results)),
-                                      std::make_pair("settings.svg", setting_picture(rows))}) {
-    if (picture.empty()) continue;
-    write_file(out / name, picture, "picture");
-    pictures += std::string(", ") + name;
-  }
+  const std::vector<SummaryRow> summary = summarize(rows);
+  if (!summary.empty())
+    std::printf("\n%s%s", text_of(summary_table(summary)).c_str(), summary_legend());
   std::printf("\n%s", rows_text(rows).c_str());
   const std::vector<Table> tables = paper_tables(rows);
-  for (const Table& table : tables) {
-    TextTable text(table.header);
-    text.rule();
-    for (const std::vector<std::string>& row : table.rows) text.add(row);
-    std::printf("\n%s\n%s", table.title.c_str(), text.text().c_str());
-  }
+  for (const Table& table : tables)
+    std::printf("\n%s\n%s", table.title.c_str(), text_of(table).c_str());
   if (!tables.empty()) std::printf("\n%s", paper_legend());
   if (!missing.empty()) std::printf("\nincomplete: %s\n", lack.c_str());
-  std::printf("\nwritten: %s, results.csv, results.json%s\n", (out / "index.html").string().c_str(),
-              pictures.c_str());
+  std::printf("\nwritten: %s, results.csv, results.json\n", (out / "index.html").string().c_str());
 }
 
 /// One sequence may lack a folder of masks; a name that none has is mistyped.
@@ -184,77 +101,28 @@ void check_masks_folders(const BenchPlan& plan) {
                   "\" in any of them");
 }
 
-/// Does the jobs that are not done yet, some at a time. Returns false if one of them broke off.
-bool run_jobs(const std::vector<BenchJob>& jobs, const BenchOptions& options) {
-  // One job has the machine for itself; more share it, each with one thread.
-  if (options.parallel > 1) cv::setNumThreads(1);
-  std::mutex mutex;
-  std::size_t next = 0;
-  bool good = true;
-  std::vector<double> shares(jobs.size(), 0);
-  auto bar = std::make_unique<Progress>("bench", 1000 * jobs.size());
-  const auto work = [&] {
-    for (;;) {
-      std::size_t i = 0;
-      {
-        const std::lock_guard<std::mutex> lock(mutex);
-        if (next == jobs.size()) return;
-        i = next++;
-      }
-      const fs::path file = options.out / jobs[i].result_file();
-      const bool kept = !options.fresh && is_done(file, jobs[i].key);
-      const auto start = std::chrono::steady_clock::now();
-      std::string failure;
-      try {
-        if (!kept)
-          run_one(jobs[i], options, [&](double share) {
-            const std::lock_guard<std::mutex> lock(mutex);
-            shares[i] = share;
-            double sum = 0;
-            for (double s : shares) sum += s;
-            // A job is a thousand steps, so that sequences of any length share one bar.
-            if (bar) bar->update(static_cast<std::size_t>(1000 * sum));
-          });
-      } catch (const std::exception& e) {
-        failure = e.what();
-      }
-      const double seconds =
-          std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-      const std::lock_guard<std::mutex> lock(mutex);
-      shares[i] = 1;
-      bar->clear();
-      if (failure.empty()) {
-        print_job(jobs[i], file, kept, seconds);
-      } else {
-        std::printf("%s: %s\n", jobs[i].sequence.c_str(), failure.c_str());
-      }
-      good = good && failure.empty() && is_done(file, jobs[i].key);
-    }
-  };
-  std::vector<std::thread> threads;
-  for (int t = 1; t < options.parallel; ++t) threads.emplace_back(work);
-  work();
-  for (std::thread& thread : threads) thread.join();
-  return good;
-}
-
-void bench(const BenchOptions& options) {
+/// Refuses options that do not go together.
+void check_options(const BenchOptions& options) {
+  const bool sequences = !options.plan.sequences.empty(), paper = !options.paper.empty();
   if (!options.merge.empty()) {
-    if (!options.plan.sequences.empty() || !options.paper.empty())
+    if (sequences || paper)
       throw CLI::ValidationError(
-          "--merge",
-          "runs nothing, so it takes no SEQUENCE and no --paper; found " +
-              (options.paper.empty() ? options.plan.sequences.front() : options.paper).string());
-    const Json plan = common_plan(options.merge);
-    write_page(options.merge, plan, options.partial, options.out);
+          "--merge", "runs nothing, so it takes no SEQUENCE and no --paper; found " +
+                         (paper ? options.paper : options.plan.sequences.front()).string());
     return;
   }
   if (options.partial) throw CLI::ValidationError("--partial", "only --merge has a use for it");
-  if (options.plan.sequences.empty() && options.paper.empty())
+  if (!sequences && !paper)
     throw CLI::RequiredError("SEQUENCE (or --paper DATA_DIR, or --merge with folders of results)");
-  if (!options.plan.sequences.empty() && !options.paper.empty())
+  if (sequences && paper)
     throw CLI::ValidationError("--paper", "finds its sequences, so it takes no SEQUENCE; found " +
                                               options.plan.sequences.front().string());
+}
+
+void bench(const BenchOptions& options) {
+  check_options(options);
+  if (!options.merge.empty())
+    return write_page(options.merge, common_plan(options.merge), options.partial, options.how.out);
   const Shard shard = options.shard.empty() ? Shard() : parse_shard(options.shard);
   std::vector<std::string> notes;
   if (options.paper.empty()) check_masks_folders(options.plan);
@@ -266,18 +134,92 @@ void bench(const BenchOptions& options) {
   for (std::size_t i = shard.index; i < all.size(); i += shard.count) jobs.push_back(all[i]);
   for (const std::string& note : notes) std::printf("note: %s\n", note.c_str());
   if (jobs.empty()) throw Error("bench: nothing to run");
-  make_folder(options.out / "runs");
+  make_folder(options.how.out / "runs");
   const Json plan = make_plan(all, shard.count);
-  write_json(options.out / "plan.json", plan);
+  write_json(options.how.out / "plan.json", plan);
 
-  const bool good = run_jobs(jobs, options);
-  if (shard.count == 1) {
-    write_page({options.out}, plan, true, options.out);
-  } else {
+  const bool good = run_jobs(jobs, options.how);
+  if (shard.count == 1)
+    write_page({options.how.out}, plan, true, options.how.out);
+  else
     std::printf("done with shard %s; when all are: stillpoint bench --merge DIR... --out DIR\n",
                 options.shard.c_str());
-  }
   if (!good) throw Error("bench: at least one run broke off; the lines above say why");
+}
+
+const char* const kFooter = R"(
+Variants: off, paper, network_only (without the motion check), default, no_compensation, no_depth,
+no_probability, no_masks (the motion check alone), truth (masks_gt as masks, nothing to repair).
+
+Examples:
+  stillpoint bench walk_xyz walk_rpy --out bench
+  stillpoint bench walk_xyz --out bench --runs 5 --masks-folder masks --masks-folder masks_4hz
+  stillpoint bench walk_* --out bench --variants off,default,truth
+  stillpoint bench walk_* --out bench --variants off,default --vary dilation_px=0,5,10,20
+  stillpoint bench walk_* --out bench --estimate 'orb_slam3=results/{}.txt'
+The ten sequences of the paper (scripts/download_tum, scripts/download_bonn), beside what it prints:
+  stillpoint bench --paper data --out bench
+On many machines, then one page of all:
+  stillpoint bench walk_* --out shard3 --runs 5 --shard 3/16
+  stillpoint bench --merge shard* --out bench
+Shards of different settings, inputs or builds are refused, and so is a merge with runs missing,
+unless --partial is given.
+
+Each run writes its result to DIR/runs/ when it is done. The same command again goes on where it was
+stopped; results of other settings, inputs or another build of the program are made anew. Then
+DIR/index.html (one page that needs no other file), DIR/results.csv and DIR/results.json are made.
+
+Sequences that differ in the shutter only, named NAME_00ms, NAME_20ms, ... (scripts/demo --blur makes
+them), also give charts of the error against it; --vary gives charts against the setting.
+
+Coverage stands beside every error: a tracker that is soon lost has a small error over few frames, so
+rows under 95 % are marked as failed.)";
+
+/// What every job of the bench is to be like.
+void add_setting_options(CLI::App* command, BenchPlan& plan) {
+  command
+      ->add_option("--camera", plan.common.camera,
+                   "fr1, fr2, fr3, bonn or a YAML file  [SEQUENCE/camera.yaml]")
+      ->type_name("NAME|FILE");
+  choices(command->add_option("--tracker", plan.common.tracker,
+                              "The system that tracks  [" + default_tracker() + "]"),
+          tracker_names());
+  between(command->add_option("--features", plan.common.features,
+                              "Keypoints per frame; up to three times as many\nwhere masks hide "
+                              "much  [1000; --paper: 3000]"),
+          50, 100000);
+  between(command->add_option("--frames", plan.common.frames, "Only the first N frames  [all]"), 1,
+          1000000);
+  add_groundtruth_option(command, plan.common.groundtruth_of);
+  add_front_end_options(command, plan.common);
+  command
+      ->add_option("--vary", plan.vary,
+                   "Also the default preset with one setting changed: dilation_px=0,5,10,20")
+      ->allow_extra_args(false)
+      ->type_name("NAME=N,...");
+}
+
+/// Which jobs are done, and where.
+void add_run_options(CLI::App* command, BenchOptions& options) {
+  BenchPlan& plan = options.plan;
+  command
+      ->add_option("--shard", options.shard, "Do only part I of N of the runs, 0 <= I < N; no page")
+      ->type_name("I/N");
+  command
+      ->add_option("--merge", options.merge,
+                   "Run nothing: one page of the results in these folders")
+      ->type_name("DIR");
+  command->add_flag("--partial", options.partial,
+                    "Merge also where runs are missing; the table says where");
+  command
+      ->add_option("--estimate", plan.estimates,
+                   "Another system's trajectory; {} = the sequence's name")
+      ->allow_extra_args(false)
+      ->type_name("NAME=FILE");
+  between(command->add_option("--jobs", options.how.parallel,
+                              "Runs at the same time; times then mean less  [1]"),
+          1, 256);
+  command->add_flag("--fresh", options.how.fresh, "Run everything again, also what is there");
 }
 
 }  // namespace
@@ -289,7 +231,7 @@ void add_bench_command(CLI::App& app) {
   BenchPlan& plan = options->plan;
   plan.common.tracker = default_tracker();
   command->add_option("SEQUENCE", plan.sequences, "Folders in TUM layout")->type_name("DIR");
-  command->add_option("--out", options->out, "Folder for the results")
+  command->add_option("--out", options->how.out, "Folder for the results")
       ->required()
       ->type_name("DIR");
   command
@@ -314,71 +256,9 @@ void add_bench_command(CLI::App& app) {
       ->allow_extra_args(false)
       ->delimiter(',')
       ->type_name("NAME,...");
-  command
-      ->add_option("--camera", plan.common.camera,
-                   "fr1, fr2, fr3, bonn or a YAML file  [SEQUENCE/camera.yaml]")
-      ->type_name("NAME|FILE");
-  choices(command->add_option("--tracker", plan.common.tracker,
-                              "The system that tracks  [" + default_tracker() + "]"),
-          tracker_names());
-  between(command->add_option("--features", plan.common.features,
-                              "Keypoints per frame; up to three times as many\nwhere masks hide "
-                              "much  [1000; --paper: 3000]"),
-          50, 100000);
-  between(command->add_option("--frames", plan.common.frames, "Only the first N frames  [all]"), 1,
-          1000000);
-  add_front_end_options(command, plan.common);
-  command
-      ->add_option("--vary", plan.vary,
-                   "Also the default preset with one setting changed: dilation_px=0,5,10,20")
-      ->allow_extra_args(false)
-      ->type_name("NAME=N,...");
-  command
-      ->add_option("--shard", options->shard,
-                   "Do only part I of N of the runs, 0 <= I < N; no page")
-      ->type_name("I/N");
-  command
-      ->add_option("--merge", options->merge,
-                   "Run nothing: one page of the results in these folders")
-      ->type_name("DIR");
-  command->add_flag("--partial", options->partial,
-                    "Merge also where runs are missing; the table says where");
-  command
-      ->add_option("--estimate", plan.estimates,
-                   "Another system's trajectory; {} = the sequence's name")
-      ->allow_extra_args(false)
-      ->type_name("NAME=FILE");
-  between(command->add_option("--jobs", options->parallel,
-                              "Runs at the same time; times then mean less  [1]"),
-          1, 256);
-  command->add_flag("--fresh", options->fresh, "Run everything again, also what is there");
-  command->footer(R"(
-Variants: off, paper, network_only (without the motion check), default, no_compensation, no_depth,
-no_probability, no_masks (the motion check alone), truth (masks_gt as masks, nothing to repair).
-
-Examples:
-  stillpoint bench walk_xyz walk_rpy --out bench
-  stillpoint bench walk_xyz --out bench --runs 5 --masks-folder masks --masks-folder masks_4hz
-  stillpoint bench walk_* --out bench --variants off,default,truth
-  stillpoint bench walk_* --out bench --variants off,default --vary dilation_px=0,5,10,20
-  stillpoint bench walk_* --out bench --estimate 'orb_slam3=results/{}.txt'
-The ten sequences of the paper (scripts/download_tum, scripts/download_bonn), beside what it prints:
-  stillpoint bench --paper data --out bench
-On many machines, then one page of all:
-  stillpoint bench walk_* --out shard3 --runs 5 --shard 3/16
-  stillpoint bench --merge shard* --out bench
-Shards of different settings, inputs or builds are refused, and so is a merge with runs missing,
-unless --partial is given.
-
-Each run writes its result to DIR/runs/ when it is done. The same command again goes on where it was
-stopped; results of other settings, inputs or another build of the program are made anew. Then
-DIR/index.html (one page that needs no other file), DIR/results.csv and DIR/results.json are made.
-
-Sequences that differ in the shutter only, named NAME_00ms, NAME_20ms, ... (scripts/demo --blur makes
-them), also give plots of the error against it: DIR/blur.svg. --vary gives DIR/settings.svg.
-
-Coverage stands beside every error: a tracker that is soon lost has a small error over few frames, so
-rows under 95 % are marked as failed.)");
+  add_setting_options(command, plan);
+  add_run_options(command, *options);
+  command->footer(kFooter);
   command->callback([options, command] {
     if (!options->paper.empty()) {
       // As the paper did, unless told otherwise.

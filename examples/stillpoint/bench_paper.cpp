@@ -43,10 +43,11 @@ const std::vector<std::vector<std::string>> kTable4{
 
 /// The row of a sequence (by the paper's name) and variant, null if there is none.
 const Json* find_row(const Json& rows, const std::string& paper_name, const std::string& variant) {
-  for (const PaperSequence& s : paper_sequences())
-    if (paper_name == s.name)
-      for (const Json& row : rows)
-        if (row["sequence"] == s.folder && row["variant"] == variant) return &row;
+  for (const auto* all : {&paper_sequences(), &further_sequences()})
+    for (const PaperSequence& s : *all)
+      if (paper_name == s.name)
+        for (const Json& row : rows)
+          if (row["sequence"] == s.folder && row["variant"] == variant) return &row;
   return nullptr;
 }
 
@@ -101,23 +102,57 @@ const std::vector<PaperSequence>& paper_sequences() {
   return all;
 }
 
+const std::vector<PaperSequence>& further_sequences() {
+  static const std::vector<PaperSequence> all{
+      {"rgbd_dataset_freiburg2_desk_with_person", "desk/person", "fr2"},
+      {"rgbd_dataset_freiburg3_sitting_xyz", "s/xyz", "fr3"},
+      {"rgbd_dataset_freiburg3_sitting_halfsphere", "s/half", "fr3"},
+      {"rgbd_dataset_freiburg3_sitting_rpy", "s/rpy", "fr3"},
+      {"rgbd_bonn_balloon", "balloon", "bonn"},
+      {"rgbd_bonn_balloon2", "balloon2", "bonn"},
+      {"rgbd_bonn_balloon_tracking", "balloon_track", "bonn"},
+      {"rgbd_bonn_balloon_tracking2", "balloon_track2", "bonn"},
+      {"rgbd_bonn_moving_nonobstructing_box", "mv_box", "bonn"},
+      {"rgbd_bonn_moving_nonobstructing_box2", "mv_box2", "bonn"},
+      {"rgbd_bonn_moving_obstructing_box", "mv_o_box", "bonn"},
+      {"rgbd_bonn_moving_obstructing_box2", "mv_o_box2", "bonn"},
+      {"rgbd_bonn_placing_nonobstructing_box", "p_box", "bonn"},
+      {"rgbd_bonn_placing_nonobstructing_box2", "p_box2", "bonn"},
+      {"rgbd_bonn_placing_nonobstructing_box3", "p_box3", "bonn"},
+      {"rgbd_bonn_placing_obstructing_box", "p_o_box", "bonn"},
+      {"rgbd_bonn_removing_nonobstructing_box", "rm_box", "bonn"},
+      {"rgbd_bonn_removing_nonobstructing_box2", "rm_box2", "bonn"},
+      {"rgbd_bonn_removing_obstructing_box", "rm_o_box", "bonn"},
+      {"rgbd_bonn_synchronous", "sync", "bonn"},
+      {"rgbd_bonn_synchronous2", "sync2", "bonn"},
+      {"rgbd_bonn_static", "static", "bonn"},
+      {"rgbd_bonn_static_close_far", "static_close_far", "bonn"}};
+  return all;
+}
+
 std::vector<BenchJob> make_paper_jobs(const BenchPlan& plan, const fs::path& data,
                                       std::vector<std::string>& notes) {
   std::vector<BenchJob> jobs;
   if (plan.common.frames > 0)
     notes.push_back("--frames: parts of sequences cannot be compared with the published numbers");
-  for (const PaperSequence& s : paper_sequences()) {
-    if (!fs::is_regular_file(data / s.folder / "rgb.txt")) {
-      notes.push_back(std::string(s.folder) + ": not in " + data.string() + " (scripts/download_" +
-                      (s.camera == std::string("bonn") ? "bonn" : "tum") + " fetches it)");
-      continue;
-    }
+  const auto is_there = [&](const PaperSequence& s) {
+    return fs::is_regular_file(data / s.folder / "rgb.txt");
+  };
+  const auto add = [&](const PaperSequence& s) {
     BenchPlan one = plan;
     one.sequences = {data / s.folder};
     if (one.common.camera.empty() && !fs::exists(data / s.folder / "camera.yaml"))
       one.common.camera = s.camera;
     for (BenchJob& job : make_jobs(one, notes)) jobs.push_back(std::move(job));
-  }
+  };
+  for (const PaperSequence& s : paper_sequences())
+    if (is_there(s))
+      add(s);
+    else
+      notes.push_back(std::string(s.folder) + ": not in " + data.string() + " (scripts/download_" +
+                      (s.camera == std::string("bonn") ? "bonn" : "tum") + " fetches it)");
+  for (const PaperSequence& s : further_sequences())
+    if (is_there(s)) add(s);
   if (jobs.empty())
     throw Error("--paper " + data.string() +
                 ": expected at least one of the ten sequences, such as " +
@@ -126,17 +161,25 @@ std::vector<BenchJob> make_paper_jobs(const BenchPlan& plan, const fs::path& dat
 }
 
 std::vector<Table> paper_tables(const Json& rows) {
-  const bool any = std::any_of(rows.begin(), rows.end(), [](const Json& row) {
-    return std::any_of(paper_sequences().begin(), paper_sequences().end(),
-                       [&](const PaperSequence& s) { return row["sequence"] == s.folder; });
-  });
-  if (!any) return {};
+  const auto has_row = [&](const PaperSequence& s) {
+    return std::any_of(rows.begin(), rows.end(),
+                       [&](const Json& row) { return row["sequence"] == s.folder; });
+  };
+  std::vector<std::vector<std::string>> further;
+  for (const PaperSequence& s : further_sequences())
+    if (has_row(s)) further.push_back({s.name});
+  const bool any = std::any_of(paper_sequences().begin(), paper_sequences().end(), has_row);
+  if (!any && further.empty()) return {};
   const std::vector<std::pair<std::string, std::string>> presets{
       {"off", "ours: off"},
       {"paper", "ours: paper"},
       {"network_only", "ours: network_only"},
       {"default", "ours: default"}};
   std::vector<Table> tables;
+  if (!further.empty())
+    tables.push_back(
+        ate_table("Further sequences", {"ATE RMSE / S.D. [m]"}, further, presets, rows));
+  if (!any) return tables;
   tables.push_back(ate_table("Table 1. TUM RGB-D, freiburg3", kAteHeader, kTable1, presets, rows));
   tables.push_back(ate_table("Table 2. Bonn RGB-D Dynamic", kAteHeader, kTable2, presets, rows));
   tables.push_back(ate_table(

@@ -10,21 +10,25 @@
 
 namespace stillpoint::cli {
 
-/// One of the ten sequences of the paper.
+/// A public sequence whose camera is known.
 struct PaperSequence {
   /// Name of its folder, as the data set's archive has it.
   const char* folder;
-  /// What the paper calls it.
+  /// What tables call it: for the paper's, the paper's word.
   const char* name;
-  /// Its camera: fr3 or bonn.
+  /// Its camera: fr2, fr3 or bonn.
   const char* camera;
 };
 
+/// The ten sequences of the paper.
 const std::vector<PaperSequence>& paper_sequences();
 
-/// The jobs of those of the ten sequences that are in `data`, with the right camera unless the plan
-/// names one or the folder has a camera.yaml. What is missing gets a line in `notes`. Throws Error
-/// if none of them is there.
+/// Other sequences of the same two data sets that dynamic SLAM systems are measured on.
+const std::vector<PaperSequence>& further_sequences();
+
+/// The jobs of those of the sequences that are in `data`, with the right camera unless the plan
+/// names one or the folder has a camera.yaml. What is missing of the paper's ten gets a line in
+/// `notes`. Throws Error if none of all is there.
 std::vector<BenchJob> make_paper_jobs(const BenchPlan& plan, const std::filesystem::path& data,
                                       std::vector<std::string>& notes);
 

@@ -82,8 +82,4 @@ nlohmann::ordered_json make_plan(const std::vector<BenchJob>& jobs, std::size_t 
 /// or the folder that has no plan.
 nlohmann::ordered_json common_plan(const std::vector<std::filesystem::path>& folders);
 
-/// Stems of the frames that a page should show: in each quarter of the sequence the one where
-/// `masks_folder` missed most of masks_gt (without masks_gt: the middle one).
-std::vector<std::string> frames_to_show(const BenchJob& job, const std::string& masks_folder);
-
 }  // namespace stillpoint::cli

@@ -10,7 +10,7 @@
 #include "bench_plan.hpp"
 #include "statistics.hpp"
 #include "stillpoint/core/error.hpp"
-#include "terminal.hpp"
+#include "stillpoint/evaluation/bootstrap.hpp"
 
 namespace stillpoint::cli {
 namespace {
@@ -39,13 +39,47 @@ std::size_t variant_order(const std::string& name) {
       all.begin());
 }
 
+/// The number at a path of keys in the stats of each run that has any.
+std::vector<double> values_of(const std::vector<const Json*>& runs,
+                              std::initializer_list<const char*> keys) {
+  std::vector<double> all;
+  for (const Json* run : runs)
+    if (run->contains("stats")) all.push_back(number_at_path((*run)["stats"], keys));
+  return all;
+}
+
+/// How sure the error is, what it was at the time, and how evo gives the same.
+void add_evaluation(Json& row, const std::vector<const Json*>& runs) {
+  std::vector<double> ate = values_of(runs, {"evaluation", "ate_rmse_m"});
+  const double middle = median(ate);
+  ate.erase(std::remove_if(ate.begin(), ate.end(), [](double v) { return !std::isfinite(v); }),
+            ate.end());
+  const Interval sure = median_interval(ate);
+  row["ate_rmse_low_m"] = sure.low;
+  row["ate_rmse_high_m"] = sure.high;
+  row["ate_online_rmse_m"] = median(values_of(runs, {"evaluation_online", "ate_rmse_m"}));
+  for (const char* key : {"rpe_1s_trans_m", "rpe_1s_rot_deg", "ate_sim3_rmse_m", "scale"})
+    row[key] = median(values_of(runs, {"evaluation", key}));
+  row["mask_share"] = mean(values_of(runs, {"mask_share"}));
+  for (const char* key : {"recall_measured", "precision_measured"})
+    row[std::string("mask_") + key] = mean(values_of(runs, {"masks", key}));
+  row["groundtruth_of"] = "";
+  row["evo"] = "";
+  // Of the run whose error is nearest to the median.
+  double nearest = std::numeric_limits<double>::infinity();
+  for (const Json* run : runs) {
+    if (!run->contains("stats")) continue;
+    row["groundtruth_of"] = (*run)["stats"].value("groundtruth_of", "");
+    const double off =
+        std::abs(number_at_path((*run)["stats"], {"evaluation", "ate_rmse_m"}) - middle);
+    if (off < nearest) nearest = off, row["evo"] = run->value("evo", "");
+  }
+}
+
 Json make_row(const std::vector<const Json*>& runs, std::size_t planned) {
   const Json& job = (*runs.front())["job"];
   const auto values = [&](std::initializer_list<const char*> keys) {
-    std::vector<double> all;
-    for (const Json* run : runs)
-      if (run->contains("stats")) all.push_back(number_at_path((*run)["stats"], keys));
-    return all;
+    return values_of(runs, keys);
   };
   Json row;
   for (const char* key : {"sequence", "variant", "label", "masks_folder"}) row[key] = job[key];
@@ -94,6 +128,7 @@ Json make_row(const std::vector<const Json*>& runs, std::size_t planned) {
   row["varied_value"] = job.value("varied_value", 0.0);
   row["best"] = false;
   row["error"] = error;
+  add_evaluation(row, runs);
   return row;
 }
 
@@ -113,31 +148,19 @@ void mark_best(Json& rows) {
   }
 }
 
-std::string csv_cell(const Json& value) {
-  if (value.is_null()) return "";
-  if (!value.is_string()) {
-    if (value.is_number_float()) {
-      const double v = value.get<double>();
-      if (!std::isfinite(v)) return "";
-      char buffer[32];
-      std::snprintf(buffer, sizeof buffer, "%.9g", v);
-      return buffer;
-    }
-    return value.dump();
-  }
-  std::string text = value.get<std::string>();
-  if (text.find_first_of(",\"\n") == std::string::npos) return text;
-  for (std::size_t i = 0; (i = text.find('"', i)) != std::string::npos; i += 2)
-    text.insert(i, "\"");
-  return "\"" + text + "\"";
-}
-
 }  // namespace
 
 double number_at(const Json& json, const std::string& key) {
   return json.contains(key) && json[key].is_number() ? json[key].get<double>()
                                                      : std::numeric_limits<double>::quiet_NaN();
 }
+
+std::string trimmed(std::string label) {
+  label.erase(0, label.find_first_not_of(' '));
+  return label;
+}
+
+std::string trimmed_label(const Json& result) { return trimmed(result["job"]["label"]); }
 
 std::string runs_lacking(const Json& row) {
   const auto runs = row["runs"].get<std::size_t>(),
@@ -210,93 +233,6 @@ Json make_rows(const std::vector<Json>& results, const Json& plan) {
   }
   mark_best(rows);
   return rows;
-}
-
-std::string rows_text(const Json& rows) {
-  std::string out;
-  bool failed = false;
-  for (std::size_t begin = 0; begin < rows.size();) {
-    const std::string sequence = rows[begin]["sequence"];
-    int most_runs = 1;
-    for (const Json& row : rows)
-      if (row["sequence"] == sequence) most_runs = std::max(most_runs, row["runs"].get<int>());
-    std::vector<std::string> header{sequence, "coverage", "ATE RMSE"};
-    if (most_runs > 1) header.push_back("worst");
-    for (const char* name : {"S.D.", "IoU bef.", "after", "kept", "on people", "ghosts", "segm.",
-                             "motion", "comp.", "depth", "prob.", "extr.", "track", "total ms"})
-      header.push_back(name);
-    TextTable table(header);
-    table.rule();
-    std::size_t i = begin;
-    for (; i < rows.size() && rows[i]["sequence"] == sequence; ++i) {
-      const Json& row = rows[i];
-      const auto at = [&](const std::string& key, int digits, double factor = 1) {
-        return fixed(factor * number_at(row, key), digits);
-      };
-      const std::string why = row["failed"];
-      failed = failed || !why.empty();
-      std::vector<std::string> cells{row["label"].get<std::string>() + runs_lacking(row),
-                                     at("coverage_min", 1, 100) + " %" + (why.empty() ? "" : " !"),
-                                     at("ate_rmse_m", 4) + (!why.empty()  ? " !"
-                                                            : row["best"] ? " *"
-                                                                          : "")};
-      if (why == "error") cells[1] = "error !";
-      if (most_runs > 1) cells.push_back(at("ate_rmse_worst_m", 4));
-      cells.push_back(at("ate_sd_m", 4));
-      cells.push_back(at("mask_iou_before", 3));
-      cells.push_back(at("mask_iou_after", 3));
-      cells.push_back(at("keypoints_kept", 0));
-      cells.push_back(at("keypoints_kept_on_people", 1, 100) + " %");
-      if (cells.back() == "- %") cells.back() = "-";
-      cells.push_back(at("map_ghost_share", 2, 100) + " %");
-      if (cells.back() == "- %") cells.back() = "-";
-      for (const char* stage : kStages)
-        cells.push_back(at(std::string("ms_") + stage + "_median", 2));
-      table.add(cells);
-    }
-    out += table.text() + "\n";
-    begin = i;
-  }
-  out +=
-      "coverage: share of the frames with ground truth that have a pose (lowest of the runs); ATE "
-      "in "
-      "metres after\nSE(3) alignment (median of the runs); IoU of the dynamic masks before and "
-      "after the "
-      "front end, undilated;\nkept: keypoints per frame that reach the tracker, and how many of "
-      "them lie "
-      "on people; ghosts: share of the dense map's voxels\nthat lie where people were; stages: "
-      "median ms "
-      "per frame.\n";
-  out +=
-      "*  smallest error of the sequence, or the same in print, failed rows and exact masks "
-      "aside.\n";
-  if (failed)
-    out +=
-        "!  failed: under 95 % coverage (an error over few frames says nothing), the run broke "
-        "off, "
-        "or runs are missing.\n";
-  for (const Json& row : rows)
-    if (!row["error"].get<std::string>().empty())
-      out += row["sequence"].get<std::string>() + ", " + row["label"].get<std::string>() + ": " +
-             row["error"].get<std::string>() + "\n";
-  return out;
-}
-
-std::string rows_csv(const Json& rows) {
-  std::string out;
-  if (rows.empty()) return out;
-  for (const auto& [key, value] : rows[0].items()) out += (out.empty() ? "" : ",") + key;
-  out += "\n";
-  for (const Json& row : rows) {
-    std::string line;
-    bool first = true;
-    for (const auto& [key, value] : row.items()) {
-      line += (first ? "" : ",") + csv_cell(value);
-      first = false;
-    }
-    out += line + "\n";
-  }
-  return out;
 }
 
 }  // namespace stillpoint::cli

@@ -14,6 +14,10 @@ constexpr double kCoverageFloor = 0.95;
 /// The number of a key; NaN where there is none.
 double number_at(const nlohmann::ordered_json& json, const std::string& key);
 
+/// A label without the spaces that indent it in a table.
+std::string trimmed(std::string label);
+std::string trimmed_label(const nlohmann::ordered_json& result);
+
 /// " (1 of 2 runs)" for a row that lacks some, else nothing.
 std::string runs_lacking(const nlohmann::ordered_json& row);
 
@@ -34,7 +38,7 @@ nlohmann::ordered_json make_rows(const std::vector<nlohmann::ordered_json>& resu
 std::string rows_text(const nlohmann::ordered_json& rows);
 std::string rows_csv(const nlohmann::ordered_json& rows);
 
-/// One self-contained HTML page: tables, plots, overlays. `folders` as for read_results().
+/// One self-contained HTML page: tables, charts, overlays (see page/).
 std::string make_page(const nlohmann::ordered_json& rows,
                       const std::vector<nlohmann::ordered_json>& results,
                       const std::string& command);

@@ -8,25 +8,22 @@
 #include <set>
 
 #include "bench_results.hpp"
-#include "plot.hpp"
 #include "statistics.hpp"
 
 namespace stillpoint::cli {
 namespace {
 
 using Json = nlohmann::ordered_json;
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+constexpr double kMissing = std::numeric_limits<double>::quiet_NaN();
 
 struct Curve {
   const char* variant;
   const char* name;
-  const char* color;
 };
-const Curve kCurves[] = {{"off", "front end off", "#d55e00"},
-                         {"paper", "paper preset", "#cc79a7"},
-                         {"network_only", "network_only", "#0072b2"},
-                         {"default", "default preset", "#009e73"}};
-constexpr const char* kGivenMasks = "#7f7f7f";
+const Curve kCurves[] = {{"off", "front end off"},
+                         {"paper", "paper preset"},
+                         {"network_only", "network_only"},
+                         {"default", "default preset"}};
 
 /// One value of all frames against another.
 struct Cloud {
@@ -41,7 +38,7 @@ struct Cloud {
   /// Mean (or median) of y over eight groups of equally many frames, ordered by x.
   Series binned(const Curve& curve, bool use_median) {
     constexpr std::size_t kBins = 8;
-    Series line{curve.name, curve.color, {}, {}};
+    Series line{curve.name, variant_color(curve.variant), {}, {}};
     std::sort(points.begin(), points.end());
     for (std::size_t begin = 0, bin = 1; begin < points.size(); ++bin) {
       std::size_t end = std::max(begin + 1, bin * points.size() / kBins);
@@ -58,23 +55,22 @@ struct Cloud {
   }
 };
 
-Plot axes(const std::string& title, const std::string& x, const std::string& y) {
-  Plot plot;
+LineChart axes(const std::string& title, const std::string& x, const std::string& y) {
+  LineChart plot;
   plot.title = title;
   plot.x_label = x;
   plot.y_label = y;
-  plot.width = 530, plot.height = 320;
   return plot;
 }
 
 /// A plot of all frames: `y` of the given masks (before) and of each variant (after), or, for the
 /// error, of each variant alone.
-Plot against_blur(const std::vector<Json>& results, const std::string& x,
-                  const std::string& x_label, const std::string& y, const std::string& title,
-                  const std::string& y_label) {
+LineChart against_blur(const std::vector<Json>& results, const std::string& x,
+                       const std::string& x_label, const std::string& y, const std::string& title,
+                       const std::string& y_label) {
   constexpr std::size_t kLeastFrames = 40;
   const bool error = y == "error_m";
-  Plot plot = axes(title, x_label, y_label);
+  LineChart plot = axes(title, x_label, y_label);
   const auto gather = [&](const Curve& curve, const std::string& key) {
     Cloud cloud;
     for (const Json& r : results)
@@ -83,7 +79,10 @@ Plot against_blur(const std::vector<Json>& results, const std::string& x,
         cloud.add(r["stats"]["series"], x, key, error ? 1000 : y == "missed" ? 100 : 1);
     if (cloud.points.size() >= kLeastFrames) plot.series.push_back(cloud.binned(curve, error));
   };
-  if (!error) gather({"default", "given masks", kGivenMasks}, y + "_before");
+  if (!error) {
+    gather({"default", "given masks"}, y + "_before");
+    if (!plot.series.empty()) plot.series.back().color = "muted";
+  }
   for (const Curve& curve : kCurves)
     if (!error || curve.variant != std::string("off"))
       gather(curve, error ? y : y + "_after");
@@ -109,26 +108,26 @@ bool split_shutter(const std::string& name, std::string& rest, double& shutter_m
 }
 
 /// For each group of sequences that differ in their shutter: error against the shutter.
-std::vector<Plot> shutter_plots(const Json& rows) {
+std::vector<LineChart> shutter_plots(const Json& rows) {
   std::map<std::string, std::set<double>> groups;
   std::string rest;
   double shutter = 0;
   for (const Json& row : rows)
     if (split_shutter(row["sequence"], rest, shutter)) groups[rest].insert(shutter);
-  std::vector<Plot> plots;
+  std::vector<LineChart> plots;
   for (const auto& [group, shutters] : groups) {
     if (shutters.size() < 2) continue;
-    Plot plot = axes("ATE against the shutter, motion " + group + " (gaps: failed)",
-                     "exposure time [ms]", "ATE RMSE [mm], log scale");
+    LineChart plot = axes("ATE against the shutter, motion " + group + " (gaps: failed)",
+                          "exposure time [ms]", "ATE RMSE [mm], log scale");
     plot.log_y = true;
     for (const Curve& curve : kCurves) {
-      Series line{curve.name, curve.color, {}, {}};
+      Series line{curve.name, variant_color(curve.variant), {}, {}};
       for (double s : shutters)
         for (const Json& row : rows)
           if (row["variant"] == curve.variant && split_shutter(row["sequence"], rest, shutter) &&
               rest == group && shutter == s && line.x.size() < shutters.size()) {
             line.x.push_back(s);
-            line.y.push_back(row["failed"] == "" ? 1000 * number_at(row, "ate_rmse_m") : kNaN);
+            line.y.push_back(row["failed"] == "" ? 1000 * number_at(row, "ate_rmse_m") : kMissing);
           }
       if (!line.x.empty()) plot.series.push_back(line);
     }
@@ -137,32 +136,33 @@ std::vector<Plot> shutter_plots(const Json& rows) {
   return plots;
 }
 
-std::vector<Plot> frame_plots(const std::vector<Json>& results) {
+std::vector<LineChart> frame_plots(const std::vector<Json>& results) {
   const std::string people = "motion of the people during the exposure [px]",
                     room = "motion of the room during the exposure [px]",
                     sharp = "sharpness of the edges (low: blurred)";
-  std::vector<Plot> plots{against_blur(results, "people_motion_px", people, "iou",
-                                       "Mask IoU against true motion", "IoU before dilation"),
-                          against_blur(results, "sharpness", sharp, "iou",
-                                       "Mask IoU against sharpness", "IoU before dilation"),
-                          against_blur(results, "people_motion_px", people, "missed",
-                                       "Misses against true motion", "missed of the people [%]"),
-                          against_blur(results, "sharpness", sharp, "missed",
-                                       "Misses against sharpness", "missed of the people [%]")};
+  std::vector<LineChart> plots{
+      against_blur(results, "people_motion_px", people, "iou", "Mask IoU against true motion",
+                   "IoU before dilation"),
+      against_blur(results, "sharpness", sharp, "iou", "Mask IoU against sharpness",
+                   "IoU before dilation"),
+      against_blur(results, "people_motion_px", people, "missed", "Misses against true motion",
+                   "missed of the people [%]"),
+      against_blur(results, "sharpness", sharp, "missed", "Misses against sharpness",
+                   "missed of the people [%]")};
   if (plots[1].series.empty()) return {};
   plots.push_back(against_blur(results, "room_motion_px", room, "error_m",
                                "Position error against true motion",
                                "median error [mm], log scale"));
   plots.push_back(against_blur(results, "sharpness", sharp, "error_m",
                                "Position error against sharpness", "median error [mm], log scale"));
-  plots.erase(
-      std::remove_if(plots.begin(), plots.end(), [](const Plot& p) { return p.series.empty(); }),
-      plots.end());
+  plots.erase(std::remove_if(plots.begin(), plots.end(),
+                             [](const LineChart& p) { return p.series.empty(); }),
+              plots.end());
   return plots;
 }
 
 /// Three plots per setting: error, keypoints of the whole picture, mask IoU.
-std::vector<Plot> plots_of_settings(const std::vector<const Json*>& rows) {
+std::vector<LineChart> plots_of_settings(const std::vector<const Json*>& rows) {
   std::map<std::string, std::set<double>> settings;
   std::vector<std::string> sequences;
   for (const Json* row : rows) {
@@ -172,12 +172,13 @@ std::vector<Plot> plots_of_settings(const std::vector<const Json*>& rows) {
     if (std::find(sequences.begin(), sequences.end(), (*row)["sequence"]) == sequences.end())
       sequences.push_back((*row)["sequence"]);
   }
-  std::vector<Plot> plots;
+  std::vector<LineChart> plots;
   for (const auto& [name, values] : settings) {
     if (values.size() < 2) continue;
-    Plot error = axes("Error against " + name + " (gaps: failed)", name, "ATE RMSE [mm], median");
-    Plot points = axes("Keypoints of the whole picture against " + name, name, "share [%]");
-    Plot iou = axes("Mask IoU against " + name, name, "IoU before dilation");
+    LineChart error =
+        axes("Error against " + name + " (gaps: failed)", name, "ATE RMSE [mm], median");
+    LineChart points = axes("Keypoints of the whole picture against " + name, name, "share [%]");
+    LineChart iou = axes("Mask IoU against " + name, name, "IoU before dilation");
     for (std::size_t s = 0; s < sequences.size(); ++s) {
       const std::string who = sequences.size() > 1 ? sequences[s] : "";
       Series e{who.empty() ? "error" : who, palette(s), {}, {}};
@@ -191,7 +192,7 @@ std::vector<Plot> plots_of_settings(const std::vector<const Json*>& rows) {
               (*row)["sequence"] != sequences[s])
             continue;
           for (Series* line : {&e, &i, &kept, &removed}) line->x.push_back(value);
-          e.y.push_back((*row)["failed"] == "" ? 1000 * number_at(*row, "ate_rmse_m") : kNaN);
+          e.y.push_back((*row)["failed"] == "" ? 1000 * number_at(*row, "ate_rmse_m") : kMissing);
           i.y.push_back(number_at(*row, "mask_iou_after"));
           kept.y.push_back(100 * number_at(*row, "keypoints_static_kept"));
           removed.y.push_back(100 * number_at(*row, "keypoints_recall"));
@@ -202,9 +203,7 @@ std::vector<Plot> plots_of_settings(const std::vector<const Json*>& rows) {
       points.series.push_back(kept);
       points.series.push_back(removed);
     }
-    // One sequence: the axis says what its only curve is.
-    error.legend = iou.legend = sequences.size() > 1;
-    for (Plot* plot : {&error, &points, &iou}) {
+    for (LineChart* plot : {&error, &points, &iou}) {
       plot->y_from_zero = true;
       plots.push_back(*plot);
     }
@@ -214,30 +213,16 @@ std::vector<Plot> plots_of_settings(const std::vector<const Json*>& rows) {
 
 }  // namespace
 
-std::string setting_plots(const std::vector<const Json*>& rows) {
-  std::string out;
-  for (const Plot& plot : plots_of_settings(rows)) out += svg(plot);
-  return out;
-}
-
-std::string setting_picture(const Json& rows) {
+std::vector<LineChart> setting_charts(const Json& rows) {
   std::vector<const Json*> all;
   for (const Json& row : rows) all.push_back(&row);
-  return svg_grid(plots_of_settings(all), 3);
+  return plots_of_settings(all);
 }
 
-std::string blur_plots(const Json& rows, const std::vector<Json>& results) {
-  std::string out;
-  for (const Plot& plot : shutter_plots(rows)) out += svg(plot);
-  for (const Plot& plot : frame_plots(results)) out += svg(plot);
-  return out;
-}
-
-std::string blur_picture(const Json& rows, const std::vector<Json>& results) {
-  std::vector<Plot> plots = shutter_plots(rows);
-  if (plots.empty()) return "";
-  for (Plot& plot : frame_plots(results)) plots.push_back(std::move(plot));
-  return svg_grid(plots, 2);
+std::vector<LineChart> blur_charts(const Json& rows, const std::vector<Json>& results) {
+  std::vector<LineChart> charts = shutter_plots(rows);
+  for (LineChart& chart : frame_plots(results)) charts.push_back(std::move(chart));
+  return charts;
 }
 
 }  // namespace stillpoint::cli

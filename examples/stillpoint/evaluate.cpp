@@ -17,6 +17,7 @@ namespace {
 struct EvaluateOptions {
   std::filesystem::path groundtruth, estimate, frames;
   double rpe_seconds = 0;
+  std::string groundtruth_of = "camera";
   bool json = false;
 };
 
@@ -48,7 +49,8 @@ Frames frames_of(const EvaluateOptions& options, const Trajectory& groundtruth,
 }
 
 void evaluate(const EvaluateOptions& options) {
-  const Trajectory groundtruth = read_trajectory(options.groundtruth);
+  const Trajectory groundtruth =
+      camera_groundtruth(read_trajectory(options.groundtruth), options.groundtruth_of);
   const Trajectory estimate = read_trajectory(options.estimate);
   const Frames frames = frames_of(options, groundtruth, estimate);
   const Accuracy accuracy = measure_accuracy(
@@ -57,6 +59,7 @@ void evaluate(const EvaluateOptions& options) {
   if (options.json) {
     auto json = to_json(accuracy);
     json["frames_from"] = frames.source.empty() ? "guess" : frames.source;
+    json["groundtruth_of"] = options.groundtruth_of;
     std::printf("%s\n", json.dump(2).c_str());
     return;
   }
@@ -70,11 +73,19 @@ void evaluate(const EvaluateOptions& options) {
                                            : "");
   std::printf("ATE [m]     RMSE %.4f  S.D. %.4f  mean %.4f  median %.4f  max %.4f  (%zu poses)\n",
               ate.rmse_m, ate.sd_m, ate.mean_m, ate.median_m, ate.max_m, ate.pairs);
-  std::printf("RPE         %s m, %s deg  (RMSE, %s)\n",
-              fixed(accuracy.rpe.translation_m.rmse, 4).c_str(),
-              fixed(accuracy.rpe.rotation_deg.rmse, 3).c_str(),
-              options.rpe_seconds > 0 ? (fixed(options.rpe_seconds, 2) + " s apart").c_str()
-                                      : "from pose to pose");
+  std::printf("            aligned in SE(3), pairs within %.2f s, ground truth of the %s\n",
+              kMaxDifferenceS, options.groundtruth_of.c_str());
+  std::printf("Sim(3)      RMSE %.4f with the scale aligned, too (by %.4f)\n",
+              accuracy.ate_sim3.rmse_m, accuracy.ate_sim3.scale);
+  const auto say_rpe = [](const RpeResult& rpe, const std::string& over) {
+    std::printf("RPE         %s m, %s deg  (RMSE, %s)\n", fixed(rpe.translation_m.rmse, 4).c_str(),
+                fixed(rpe.rotation_deg.rmse, 3).c_str(), over.c_str());
+  };
+  say_rpe(accuracy.rpe, options.rpe_seconds > 0 ? fixed(options.rpe_seconds, 2) + " s apart"
+                                                : "from pose to pose");
+  say_rpe(accuracy.rpe_1s, "over a second");
+  if (options.groundtruth_of == "camera")
+    std::printf("evo         %s\n", evo_command(options.groundtruth, options.estimate).c_str());
 }
 
 }  // namespace
@@ -96,6 +107,7 @@ void add_evaluate_command(CLI::App& app) {
   between(command->add_option("--rpe-seconds", options->rpe_seconds,
                               "Relative error over this time  [from pose to pose]"),
           1e-3, 1e6, "S");
+  add_groundtruth_option(command, options->groundtruth_of);
   command->add_flag("--json", options->json, "One JSON object on stdout and nothing else");
   command->footer(R"(
 Example:
@@ -104,11 +116,12 @@ Example:
 A trajectory is a text file with lines of `timestamp tx ty tz qx qy qz qw` (seconds, metres, camera
 to world); `#` begins a comment. Poses are paired with the nearest ground truth within 0.02 s. ATE is
 the absolute trajectory error after least-squares alignment in SE(3), without scale, as the TUM RGB-D
-benchmark defines it; RPE the relative pose error (RMSE). Coverage is the share of the frames with
-ground truth that have a pose; below 95 % an error says little.
+benchmark and evo define it; RPE the relative pose error (RMSE). Coverage is the share of the frames
+with ground truth that have a pose; below 95 % an error says little.
 
 Keys of --json: ate_rmse_m ate_sd_m ate_mean_m ate_median_m ate_max_m rpe_trans_m rpe_rot_deg
-coverage (0 to 1) pairs frames_from (a file, or guess))");
+coverage (0 to 1) pairs rpe_1s_trans_m rpe_1s_rot_deg ate_sim3_rmse_m scale (the factor that Sim(3)
+alignment gives the estimate) max_difference_s frames_from (a file, or guess) groundtruth_of)");
   command->callback([options] { evaluate(*options); });
 }
 

@@ -44,6 +44,15 @@ CLI::Option* between(CLI::Option* option, Number least, Number most, const char*
   return option->check(range)->type_name(unit);
 }
 
+/// The option of `run`, `bench` and `evaluate`.
+inline void add_groundtruth_option(CLI::App* command, std::string& of) {
+  choices(
+      command->add_option("--groundtruth-of", of,
+                          "What the true poses are of; body: the markers of the Bonn data set,\n"
+                          "turned into the camera by its T_ROS and T_m  [camera]"),
+      {"camera", "body"});
+}
+
 /// The options that `run` and `bench` share: what the front end is to be like.
 inline void add_front_end_options(CLI::App* command, RunSettings& s) {
   choices(command->add_option("--sensor", s.sensor, "What the depth is worth  [kinect_v1]"),

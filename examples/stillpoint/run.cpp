@@ -3,6 +3,7 @@
 #include <cstdio>
 #include <memory>
 
+#include "accuracy.hpp"
 #include "commands.hpp"
 #include "options.hpp"
 #include "run_job.hpp"
@@ -45,8 +46,10 @@ std::string settings_line(const RunSettings& s, bool segmenter_was_open) {
 }
 
 /// Everything that a run may write.
-const char* const kResults[] = {"trajectory.txt", "stats.json", "map.ply", "keypoints.csv",
-                                "masks",          "overlays",   "worst"};
+const char* const kResults[] = {
+    "trajectory.txt", "trajectory_online.txt", "groundtruth.txt", "stats.json",
+    "map.ply",        "keypoints.csv",         "masks",           "overlays",
+    "worst"};
 
 /// Where a result stands until the run is done.
 fs::path partial(const fs::path& result) { return result.string() + ".partial"; }
@@ -93,6 +96,8 @@ void run(RunCommand command) {
   RunOutputs outputs;
   outputs.keep_unfinished = true;
   outputs.trajectory = partial(command.out / "trajectory.txt");
+  outputs.trajectory_online = partial(command.out / "trajectory_online.txt");
+  outputs.groundtruth = partial(command.out / "groundtruth.txt");
   outputs.map_ply = partial(command.out / "map.ply");
   if (command.save_masks) outputs.masks_dir = partial(command.out / "masks");
   if (command.save_keypoints) outputs.keypoints_csv = partial(command.out / "keypoints.csv");
@@ -127,12 +132,21 @@ void run(RunCommand command) {
       fs::remove(command.out / "overlays" / (entry.stem + ".png"));
   if (command.worst > 0) fs::remove_all(command.out / "worst");
   // What an earlier run left must not be taken for this one's.
-  fs::remove(command.out / "keypoints.csv");
+  for (const char* name : {"keypoints.csv", "groundtruth.txt"}) fs::remove(command.out / name);
   for (const char* name : kResults) put_in_place(command.out / name);
-  std::printf("%swritten     %s: trajectory.txt, stats.json, map.ply%s%s%s%s\n",
-              summary_text(stats).c_str(), command.out.string().c_str(),
-              command.save_masks ? ", masks/" : "", command.save_keypoints ? ", keypoints.csv" : "",
-              command.overlay_every > 0 ? ", overlays/" : "", command.worst > 0 ? ", worst/" : "");
+  std::printf("%s", summary_text(stats).c_str());
+  if (stats.contains("evaluation"))
+    std::printf(
+        "evo         %s\n",
+        evo_command((settings.groundtruth_of == "camera" ? settings.sequence : command.out) /
+                        "groundtruth.txt",
+                    command.out / "trajectory.txt")
+            .c_str());
+  std::printf(
+      "written     %s: trajectory.txt, trajectory_online.txt, stats.json, map.ply%s%s%s%s\n",
+      command.out.string().c_str(), command.save_masks ? ", masks/" : "",
+      command.save_keypoints ? ", keypoints.csv" : "",
+      command.overlay_every > 0 ? ", overlays/" : "", command.worst > 0 ? ", worst/" : "");
 }
 
 }  // namespace
@@ -174,6 +188,7 @@ void add_run_command(CLI::App& app) {
                    "Another chance: other random samples in the front end, and a hundredth of the\n"
                    "keypoints left out at random  [0: neither]")
       ->type_name("N");
+  add_groundtruth_option(command, s.groundtruth_of);
   command->add_flag("--async", s.async,
                     "The segmenter in a thread, the frames at the speed of the recording");
   command->add_flag("--real-time-rate", s.real_time_rate,
@@ -226,7 +241,8 @@ picture with only 0 and 255 is split into connected parts. An empty picture says
 a missing file that there is no result for this frame, and its masks are predicted.
 
 Results in DIR: trajectory.txt (TUM format: timestamp tx ty tz qx qy qz qw, seconds and metres, one
-line per tracked frame), stats.json (coverage, errors, ms per stage, status counts, settings,
+line per tracked frame, as the whole map knows it in the end), trajectory_online.txt (the same as each
+frame had it at its time, which is what a robot acts on), stats.json (coverage, errors, ms per stage, status counts, settings,
 versions), map.ply (colored points of the static world), and what --save-... asks for. They take the
 place of an earlier run's when the run is done; one that breaks off leaves what was tracked so far in
 trajectory.txt.partial. Overlays: kept

@@ -5,7 +5,9 @@
 //   frames, tracked   frames that ran through, and those that got a pose
 //   coverage          0 to 1: of the frames with ground truth those with a pose; without ground
 //                     truth tracked / frames ("coverage_of" says which)
-//   evaluation        the keys of `evaluate --json`; only with groundtruth.txt
+//   evaluation        the keys of `evaluate --json`, of the final trajectory; only with
+//                     groundtruth.txt; evaluation_online: of the poses that track() returned
+//   groundtruth_of    what the ground truth's poses are of: camera, or body
 //   lost              stretches of frames without a pose: from_s, to_s (after the first frame),
 //                     frames, found_again (a pose in the same frame of reference came after it)
 //   tracker           loops_closed, keyframes, map_points (of the tracker slam)
@@ -265,7 +267,10 @@ Json run_job(const RunSettings& wanted, const RunOutputs& outputs,
   RunSettings settings = wanted;
   const TumSequence sequence = open_sequence(settings.sequence, settings.camera);
   // Read before the run: a broken file must not be found after hours.
-  const Trajectory groundtruth = sequence.has_groundtruth() ? sequence.groundtruth() : Trajectory();
+  const Trajectory groundtruth =
+      sequence.has_groundtruth()
+          ? camera_groundtruth(sequence.groundtruth(), settings.groundtruth_of)
+          : Trajectory();
   choose_segmenter(settings);
   const std::unique_ptr<Segmenter> segmenter =
       make_late(settings, make_segmenter(settings, sequence));
@@ -303,6 +308,7 @@ Json run_job(const RunSettings& wanted, const RunOutputs& outputs,
   };
   RecordingClock clock;
   std::size_t dropped = 0;
+  Trajectory online;
   const auto run_frame = [&](std::size_t& i) {
     if (settings.real_time_rate && i > 0)
       for (; i + 1 < count && clock.is_past(time_of(i + 1)); ++i)
@@ -319,6 +325,7 @@ Json run_job(const RunSettings& wanted, const RunOutputs& outputs,
     if (i == 0) clock.start();
     // A segmenter beside the camera works all the time, so the camera must not stop.
     if (!settings.async) clock.stop();
+    if (pipeline.pose()) online.push_back({frame.timestamp, *pipeline.pose()});
     recorder.add(pipeline, frame, stem, judge);
     writer.write(pipeline, frame, stem, i, judge);
     worst.add(pipeline, frame, stem, recorder.truth(), recorder.mask_counts());
@@ -339,6 +346,9 @@ Json run_job(const RunSettings& wanted, const RunOutputs& outputs,
   tracker->finish();
   const Trajectory trajectory = tracker->trajectory();
   if (!outputs.trajectory.empty()) write_trajectory(outputs.trajectory, trajectory);
+  if (!outputs.trajectory_online.empty()) write_trajectory(outputs.trajectory_online, online);
+  if (!outputs.groundtruth.empty() && settings.groundtruth_of != "camera")
+    write_trajectory(outputs.groundtruth, groundtruth);
   Json map_stats;
   if (with_map) {
     const auto [points, ghosts] =
@@ -373,9 +383,14 @@ Json run_job(const RunSettings& wanted, const RunOutputs& outputs,
   stats["coverage_of"] = "frames";
   Json series = outputs.series ? recorder.series(settings.front_end) : Json();
   if (outputs.series) add_true_blur(series, settings.sequence / "blur.csv", recorder.timestamps());
-  if (sequence.has_groundtruth())
+  if (sequence.has_groundtruth()) {
+    stats["groundtruth_of"] = settings.groundtruth_of;
     add_accuracy(stats, outputs.series ? &series : nullptr, groundtruth, trajectory,
                  recorder.timestamps(), say);
+    if (coverage(groundtruth, online, recorder.timestamps()).covered >= 3)
+      stats["evaluation_online"] =
+          to_json(measure_accuracy(groundtruth, online, recorder.timestamps(), RpeSettings()));
+  }
   recorder.summarize(stats, settings.front_end);
   if (const Json of_tracker = tracker_json(*tracker); !of_tracker.is_null())
     stats["tracker"] = of_tracker;
@@ -394,20 +409,22 @@ Json run_job(const RunSettings& wanted, const RunOutputs& outputs,
   return stats;
 }
 
-Json judge_estimate(const fs::path& folder, const fs::path& file, std::size_t first_frames) {
-  const TumSequence sequence(folder);
+Json judge_estimate(const RunSettings& settings, const fs::path& file) {
+  const TumSequence sequence(settings.sequence);
   const Trajectory estimate = read_trajectory(file);
   std::vector<double> times = sequence.timestamps();
-  if (first_frames > 0 && first_frames < times.size()) times.resize(first_frames);
+  if (settings.frames > 0 && settings.frames < times.size()) times.resize(settings.frames);
   if (!sequence.has_groundtruth())
-    throw Error("sequence " + folder.string() + ": has no groundtruth.txt to judge an estimate by");
+    throw Error("sequence " + settings.sequence.string() +
+                ": has no groundtruth.txt to judge an estimate by");
   Json notes = Json::array(), series, stats;
   stats["frames"] = times.size();
   stats["tracked"] = associate(times, detail::timestamps_of(estimate)).size();
   stats["coverage"] = 0.0;
   for (double t : times) series["t_s"].push_back(std::round((t - times.front()) * 1e6) / 1e6);
-  add_accuracy(stats, &series, sequence.groundtruth(), estimate, times,
-               [&](const std::string& text) { notes.push_back(text); });
+  stats["groundtruth_of"] = settings.groundtruth_of;
+  add_accuracy(stats, &series, camera_groundtruth(sequence.groundtruth(), settings.groundtruth_of),
+               estimate, times, [&](const std::string& text) { notes.push_back(text); });
   stats["estimate"] = file.string();
   stats["versions"] = versions_json();
   stats["machine"] = machine_json();
@@ -478,11 +495,20 @@ std::string summary_text(const Json& stats) {
                     stats["coverage_of"].get<std::string>());
   if (stats.contains("evaluation")) {
     const Json& e = stats["evaluation"];
-    add("ATE [m]", "RMSE " + fixed(number_at(e, "ate_rmse_m"), 4) + "  S.D. " +
-                       fixed(number_at(e, "ate_sd_m"), 4) + "  max " +
-                       fixed(number_at(e, "ate_max_m"), 4));
+    add("ATE [m]",
+        "RMSE " + fixed(number_at(e, "ate_rmse_m"), 4) + "  S.D. " +
+            fixed(number_at(e, "ate_sd_m"), 4) + "  max " + fixed(number_at(e, "ate_max_m"), 4) +
+            "  aligned in SE(3), ground truth of the " + stats.value("groundtruth_of", "camera"));
+    if (stats.contains("evaluation_online"))
+      add("  online", "RMSE " + fixed(number_at(stats["evaluation_online"], "ate_rmse_m"), 4) +
+                          " of the poses as each frame had them at its time");
+    add("  Sim(3)", "RMSE " + fixed(number_at(e, "ate_sim3_rmse_m"), 4) +
+                        " with the scale aligned, too (by " + fixed(number_at(e, "scale"), 4) +
+                        ")");
     add("RPE", fixed(number_at(e, "rpe_trans_m"), 4) + " m, " +
-                   fixed(number_at(e, "rpe_rot_deg"), 3) + " deg from frame to frame");
+                   fixed(number_at(e, "rpe_rot_deg"), 3) + " deg from frame to frame; " +
+                   fixed(number_at(e, "rpe_1s_trans_m"), 4) + " m, " +
+                   fixed(number_at(e, "rpe_1s_rot_deg"), 3) + " deg over a second");
   }
   if (covered < kCoverageFloor)
     add("", "FAILED: under 95 % coverage; an error over the rest says little");

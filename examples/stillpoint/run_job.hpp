@@ -52,12 +52,17 @@ struct RunSettings {
   /// 0: the presets' own seeds; any other value is added to them, and a hundredth of the kept
   /// keypoints is left out (see ThinnedTracker).
   std::uint64_t seed = 0;
+  /// What the ground truth's poses are of: "camera", or "body" (see camera_of_bonn_body()).
+  std::string groundtruth_of = "camera";
 };
 
 /// What a run writes; an empty path or zero: not at all.
 struct RunOutputs {
-  /// trajectory.txt (TUM format).
-  std::filesystem::path trajectory;
+  /// trajectory.txt (TUM format): the poses as the whole map knows them in the end; and as track()
+  /// returned them, which is what a robot acts on.
+  std::filesystem::path trajectory, trajectory_online;
+  /// The camera's ground truth, where groundtruth_of is "body".
+  std::filesystem::path groundtruth;
   /// Writes what was tracked also when the run breaks off.
   bool keep_unfinished = false;
   std::filesystem::path map_ply, masks_dir, keypoints_csv, overlays_dir;
@@ -85,9 +90,10 @@ nlohmann::ordered_json run_job(
     const std::function<void(const std::string& note)>& note = [](const std::string&) {});
 
 /// Judges another system's trajectory (TUM format) of a sequence by the same rules, as far as they
-/// apply. `first_frames`: 0 = all. Throws Error for bad input and without ground truth.
-nlohmann::ordered_json judge_estimate(const std::filesystem::path& sequence,
-                                      const std::filesystem::path& file, std::size_t first_frames);
+/// apply. Of `settings` it takes sequence, frames and groundtruth_of. Throws Error for bad input
+/// and without ground truth.
+nlohmann::ordered_json judge_estimate(const RunSettings& settings,
+                                      const std::filesystem::path& file);
 
 /// Names that --segmenter and --tracker take in this build.
 std::vector<std::string> segmenter_names();

@@ -144,6 +144,8 @@ void RunRecorder::add(const Pipeline& pipeline, const RgbdFrame& frame, const st
     if (pipeline.uses_front_end()) {
       r.before = compare_masks(pipeline.front_end().raw_mask(), truth);
       r.after = compare_masks(pipeline.front_end().undilated_mask(), truth);
+      r.measured =
+          compare_masks(pipeline.front_end().undilated_mask(), truth, measured_pixels(frame));
       judge.judge(frame, pipeline.mask());
       r.judged_keypoints = compare_keypoints(judge.keypoints(), judge.selection(), truth);
     }
@@ -242,6 +244,11 @@ void RunRecorder::summarize(Json& stats, bool front_end) const {
     masks["iou" + suffix + "_blurred"] = blurred.mean_iou();
     masks["recall" + suffix + "_blurred"] = blurred.mean_recall();
   }
+  BinaryCounts measured;
+  for (const Record& r : records_)
+    if (r.has_truth) measured += r.measured;
+  masks["recall_measured"] = measured.recall();
+  masks["precision_measured"] = measured.precision();
   stats["masks"] = masks;
 }
 

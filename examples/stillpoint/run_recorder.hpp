@@ -95,6 +95,7 @@ class RunRecorder {
     double mask_share = 0, true_share = 0;
     double sharpness = 0, motion_px = 0;
     BinaryCounts before, after;
+    BinaryCounts measured;  // the final mask where there is depth
     /// Of the tracker's own keypoints, and of those of the whole picture.
     KeypointMetrics tracked_keypoints, judged_keypoints;
   };
