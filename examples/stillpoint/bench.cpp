@@ -235,12 +235,13 @@ void add_bench_command(CLI::App& app) {
       ->required()
       ->type_name("DIR");
   command
-      ->add_option("--paper", options->paper,
-                   "The ten sequences of the paper in this folder; prints its Tables 1 to 4")
+      ->add_option(
+          "--paper", options->paper,
+          "The paper's and further public sequences in this\nfolder; prints its Tables 1 to 4")
       ->type_name("DATA_DIR");
   between(command->add_option(
               "--runs", plan.runs,
-              "Of each variant, each with its own seed (see run --help)  [1; --paper: 5]"),
+              "Of each variant, each with its own seed\n(see run --help)  [1; --paper: 5]"),
           1, 1000);
   command
       ->add_option("--masks-folder", plan.masks_folders,
