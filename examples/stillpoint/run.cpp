@@ -245,8 +245,9 @@ line per tracked frame, as the whole map knows it in the end), trajectory_online
 frame had it at its time, which is what a robot acts on), stats.json (coverage, errors, ms per stage,
 status counts, settings, versions), map.ply (colored points of the static world), and what --save-...
 asks for. They take the place of an earlier run's when the run is done; one that breaks off leaves
-what was tracked so far in trajectory.txt.partial. Overlays: kept keypoints green, removed ones red, the mask's edge yellow. With groundtruth.txt in SEQUENCE the error
-is computed, with masks_gt/ masks and keypoints are judged, with both the map's ghosts of people.
+what was tracked so far in trajectory.txt.partial. Overlays: kept keypoints green, removed ones red,
+the mask's edge yellow. With groundtruth.txt in SEQUENCE the error is computed, with masks_gt/ masks
+and keypoints are judged, with both the map's ghosts of people.
 --real-time-rate: the clock stands still while pictures are read and results judged (not with
 --async); the tracker slam maps in threads of its own, so runs differ a little.)");
   command->callback([options] { run(*options); });
