@@ -40,11 +40,11 @@ class Charts {
     }
     return out;
   }
-  /// For a <script> element: no "</" may stand in it.
+  /// For a <script> element, which no "<" may end.
   std::string text() const {
     std::string json = all_.dump();
-    for (std::size_t at = 0; (at = json.find("</", at)) != std::string::npos; at += 3)
-      json.replace(at, 2, "<\\/");
+    for (std::size_t at = 0; (at = json.find('<', at)) != std::string::npos; at += 6)
+      json.replace(at, 1, "\\u003c");
     return json;
   }
 
