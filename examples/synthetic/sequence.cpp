@@ -203,6 +203,19 @@ double SyntheticSequence::expected_blur_px(int label, int index) const {
   return count ? sum / count : 0;
 }
 
+Eigen::Vector3d SyntheticSequence::center_m(int label, double t_s) const {
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  double weight = 0;
+  for (const synthetic::RoundPart& part : things(t_s).parts) {
+    if (part.label != label) continue;
+    const double area = (part.length + part.radius0 + part.radius1) * (part.radius0 + part.radius1);
+    const synthetic::Vec3 middle = part.frame.to_world({0, 0, part.length / 2});
+    sum += area * Eigen::Vector3d(middle.x, middle.y, middle.z);
+    weight += area;
+  }
+  return sum / weight;
+}
+
 cv::Mat degraded_masks(const SyntheticSequence& sequence, const SyntheticFrame& frame, int index,
                        const MaskDamage& damage) {
   return degrade_masks(

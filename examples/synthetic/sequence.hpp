@@ -51,6 +51,11 @@ class SyntheticSequence {
   /// in pixels, whether in view or not; without rendering. The same for a mover's label.
   double expected_blur_px(int label, int index) const;
 
+  /// Middle of a person's body, or of a mover's round parts, in the world at `t_s` seconds after
+  /// the first frame, metres: the mean of its parts by the area that they show. NaN for no such
+  /// label.
+  Eigen::Vector3d center_m(int label, double t_s) const;
+
  private:
   /// Whether the view moves to the left in the first seconds: the nearest people then walk to the
   /// left too, as if followed, which is what a static SLAM withstands least.

@@ -39,10 +39,10 @@ class ObjectMeter {
     pixels_.reserve(kMostSamples), depths_.reserve(kMostSamples);
   }
 
-  /// Measures each object of a frame once: an instance without a name of which the greater part
-  /// lies on another one, or the other way round, is the same object, found by its motion, too.
-  /// `depth` may be empty. In the order of the instances; the reference stays valid until the next
-  /// call. O(instances^2).
+  /// Measures each object of a frame once: an instance without a name, or one that was carried here
+  /// from earlier frames, is the same object as another one where the greater part of either lies
+  /// on the other, or both are at one place. `depth` may be empty. In the order of the instances;
+  /// the reference stays valid until the next call. O(instances^2).
   const std::vector<ObjectMeasurement>& measure(const DepthView& depth,
                                                 const std::vector<Instance>& instances) {
     order_by_size(instances);
@@ -51,7 +51,8 @@ class ObjectMeter {
       ObjectMeasurement m = measure(depth, instances[i]);
       m.instance = i;
       if (m.area_px == 0) continue;
-      if (!instances[i].class_name.empty() || !is_found_twice(instances, m)) measured_.push_back(m);
+      const bool sure = !instances[i].class_name.empty() && !instances[i].predicted;
+      if (sure || !is_found_twice(instances, m)) measured_.push_back(m);
     }
     std::sort(measured_.begin(), measured_.end(),
               [](const auto& a, const auto& b) { return a.instance < b.instance; });
@@ -65,26 +66,39 @@ class ObjectMeter {
   static constexpr float kReachM = 0.6f;  // from the median depth: what is farther is not of it
   static constexpr double kCutOff = 4;    // how much less a cut-off object tells of its centroid
   static constexpr double kSameShare = 0.5;
+  static constexpr double kSamePlaceM = 0.3;  // nearer than two people walk
 
-  // Named ones first, then from large to small: what is found twice is the later one.
+  // What is found twice is the later one: named and seen, then named and predicted, then by its
+  // motion alone, from large to small.
   void order_by_size(const std::vector<Instance>& instances) {
     order_.resize(instances.size());
     for (std::size_t i = 0; i < order_.size(); ++i) order_[i] = i;
+    const auto rank = [](const Instance& s) { return s.class_name.empty() ? 2 : s.predicted; };
     std::sort(order_.begin(), order_.end(), [&](std::size_t a, std::size_t b) {
       const Instance &p = instances[a], &q = instances[b];
-      if (p.class_name.empty() != q.class_name.empty()) return q.class_name.empty();
-      if (p.class_name.empty() && p.box.area() != q.box.area()) return p.box.area() > q.box.area();
+      if (rank(p) != rank(q)) return rank(p) < rank(q);
+      if (rank(p) == 2 && p.box.area() != q.box.area()) return p.box.area() > q.box.area();
       return a < b;
     });
+  }
+
+  // Legs that move below a body that is masked, an arm, what is carried: people are tall, not wide.
+  static bool is_one_body(const ObjectMeasurement& a, const ObjectMeasurement& b) {
+    const Eigen::Vector3d off = a.centroid - b.centroid;
+    return std::abs(a.depth_m - b.depth_m) < 0.4f && std::abs(off.x()) < 0.4 && off.norm() < 1.1;
   }
 
   // Whether an instance, whose pixels are in pixels_, lies on one that was measured before.
   bool is_found_twice(const std::vector<Instance>& instances, const ObjectMeasurement& m) const {
     if (pixels_.empty()) return false;
+    const bool unnamed = instances[m.instance].class_name.empty();
     const double per_pixel = m.area_px / static_cast<double>(pixels_.size());
     for (const ObjectMeasurement& other : measured_) {
       const Instance& s = instances[other.instance];
       if ((s.box & instances[m.instance].box).empty()) continue;
+      if (m.depth_m > 0 && other.depth_m > 0 &&
+          (unnamed ? is_one_body(m, other) : (m.centroid - other.centroid).norm() < kSamePlaceM))
+        return true;
       int shared = 0;
       for (const cv::Point& p : pixels_)
         shared += s.box.contains(p) &&

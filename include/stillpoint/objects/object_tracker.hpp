@@ -86,6 +86,8 @@ class ObjectTracker {
  private:
   static constexpr double kGate2 = 16.27;  // 99.9 % of chi-square with 3 degrees of freedom
   static constexpr double kNearM = 0.5, kSpeedM = 1.5;  // Euclidean bound: this, and so much per s
+  static constexpr double kBodyM = 0.25;    // how far the centroid of a part of a body may be off
+  static constexpr double kOutlier2 = 7.8;  // 95 %
   static constexpr double kElsewhereM = 1;  // the memory has taken another object for this one
   static constexpr double kLeastOverlap = 0.3, kOverlapS = 0.5;
 
@@ -156,13 +158,25 @@ class ObjectTracker {
   void associate_by_memory() {
     for (Seen& seen : seen_)
       for (std::size_t t = 0; seen.memory >= 0 && t < settled_.size(); ++t)
-        if (settled_[t].memory == seen.memory && !is_elsewhere(seen, settled_[t]))
+        if (settled_[t].memory == seen.memory && is_of_class(seen, settled_[t]) &&
+            !is_elsewhere(seen, settled_[t]))
           seen.track = static_cast<int>(t);
   }
 
+  // Who is named now may be an old track without a name, but by his place only: the memory of the
+  // legs that were found first may go over to the whole person.
+  static bool is_of_class(const Seen& seen, const Track& track) {
+    return seen.class_name.empty() || seen.class_name == track.class_name;
+  }
+
+  // A mask that lacks a part of the body has its centroid elsewhere on it.
+  static double distance2(const Seen& seen, const Track& track) {
+    return track.filter.distance2(seen.position,
+                                  seen.covariance + kBodyM * kBodyM * Eigen::Matrix3d::Identity());
+  }
+
   bool is_elsewhere(const Seen& seen, const Track& track) const {
-    return seen.measured() && track.located &&
-           track.filter.distance2(seen.position, seen.covariance) > 3 * kGate2 &&
+    return seen.measured() && track.located && distance2(seen, track) > kGate2 &&
            (seen.position - track.filter.position()).norm() > kElsewhereM;
   }
 
@@ -186,7 +200,7 @@ class ObjectTracker {
     }
   }
 
-  // 0 to 1 by place, 1 to 2 by overlap, more: not the same object.
+  // Up to 1 by place, to 2 by overlap or by place without the name; more: not the same object.
   double cost_of(const Seen& seen, const Track& track) const {
     constexpr double kNever = 3;
     if (!seen.class_name.empty() && !track.class_name.empty() &&
@@ -195,8 +209,9 @@ class ObjectTracker {
     const double gone_s = now_s_ - track.last_s;
     if (seen.measured() && track.located) {
       const double off_m = (seen.position - track.filter.position()).norm();
-      const double d2 = track.filter.distance2(seen.position, seen.covariance);
-      return d2 < kGate2 && off_m < kNearM + kSpeedM * gone_s ? d2 / kGate2 : kNever;
+      const double d2 = distance2(seen, track);
+      const double nameless = is_of_class(seen, track) ? 0 : 1;  // after all that have his name
+      return d2 < kGate2 && off_m < kNearM + kSpeedM * gone_s ? d2 / kGate2 + nameless : kNever;
     }
     const double shared = (seen.box & track.box).area();
     const double overlap = shared / (seen.box.area() + track.box.area() - shared);
@@ -221,10 +236,13 @@ class ObjectTracker {
     track.center_px = seen.measurement.center_px;
     if (!seen.predicted) track.last_s = now_s_;
     if (!seen.measured()) return;
-    if (track.located)
-      track.filter.correct(seen.position, seen.covariance);
-    else
+    if (track.located) {
+      // Half a body, or the mask's slip onto somebody else, must not tear the velocity along.
+      const double off2 = track.filter.distance2(seen.position, seen.covariance);
+      track.filter.correct(seen.position, seen.covariance * std::max(1.0, off2 / kOutlier2));
+    } else {
       track.filter.start(seen.position, seen.covariance, settings_.velocity_m_s);
+    }
     track.located = true;
     track.chain = chain;
   }
