@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: BSD-2-Clause
-// DepthMaskFuser alone, per frame, dilation included; and the dilation alone, beside OpenCV's.
+// DepthMaskFuser alone, per frame, dilation included.
 #include <benchmark/benchmark.h>
-
-#include <opencv2/imgproc.hpp>
 
 #include "scene.hpp"
 #include "stillpoint/depth/depth_mask_fuser.hpp"
@@ -55,44 +53,6 @@ const bool registered = [] {
   }
   return true;
 }();
-
-// --- dilation ---------------------------------------------------------------------------------
-
-// From bits, as the fuser keeps them, to bytes.
-void BM_Dilation_stillpoint(benchmark::State& state) {
-  const Scene& scene = rendered_scene();
-  cv::Rect all;
-  detail::BitMask mask;
-  cv::Mat out = cv::Mat::zeros(scene.frames[0].color.size(), CV_8UC1);
-  mask.reset(out.size());
-  for (const Instance& s : scene.segmentations[0].instances) {
-    all |= s.box;
-    mask.add(s.mask, s.box);
-  }
-  detail::Dilation dilation;
-  for (auto _ : state) {
-    dilation.run(mask, all, static_cast<int>(state.range(0)), [&](int y, const std::uint64_t* row) {
-      const std::size_t x = static_cast<std::size_t>(dilation.left());
-      detail::unpack(row, 0, static_cast<std::size_t>(out.cols) - x, out.ptr<uchar>(y) + x);
-    });
-    benchmark::DoNotOptimize(out.data);
-  }
-}
-BENCHMARK(BM_Dilation_stillpoint)->Arg(5)->Arg(10)->Arg(20)->Unit(benchmark::kMicrosecond);
-
-void BM_Dilation_opencv(benchmark::State& state) {
-  cv::setNumThreads(1);
-  const Scene& scene = rendered_scene();
-  cv::Mat mask = cv::Mat::zeros(scene.frames[0].color.size(), CV_8UC1), out;
-  for (const Instance& s : scene.segmentations[0].instances) s.mask.copyTo(mask(s.box), s.mask);
-  const int side = 2 * static_cast<int>(state.range(0)) + 1;
-  const cv::Mat kernel = cv::getStructuringElement(cv::MORPH_RECT, {side, side});
-  for (auto _ : state) {
-    cv::dilate(mask, out, kernel);
-    benchmark::DoNotOptimize(out.data);
-  }
-}
-BENCHMARK(BM_Dilation_opencv)->Arg(5)->Arg(10)->Arg(20)->Unit(benchmark::kMicrosecond);
 
 }  // namespace
 }  // namespace bench

@@ -39,7 +39,7 @@ namespace stillpoint {
 ///
 /// Two calls per frame: compute_mask(), then select() on the host's keypoints. Without a segmenter
 /// the caller brings the segmentation. Not thread-safe; one object per camera. After the first few
-/// frames it does not allocate.
+/// frames it allocates no image, only rows and coarse grids.
 template <class NeighborSearch = GridNeighborSearch>
 class BasicFrontEnd {
  public:

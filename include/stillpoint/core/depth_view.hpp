@@ -62,8 +62,8 @@ class DepthView {
   }
 
   const std::uint16_t* row(int y) const { return image_.ptr<std::uint16_t>(y); }
-  /// From a row to the next, in pixels.
-  std::size_t stride() const { return image_.step1(); }
+  /// H x W, CV_16UC1, in units. Not to be written to: it may be the caller's.
+  const cv::Mat& image() const { return image_; }
   cv::Size size() const { return image_.size(); }
   float metres_per_unit_value() const { return metres_per_unit_; }
   float to_m(std::uint16_t units) const { return units * metres_per_unit_; }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #pragma once
 
+#include <Eigen/Cholesky>
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
@@ -92,32 +93,19 @@ inline InversePlane find_floor(const std::vector<InverseSample>& samples, const 
   }
   if (!best.found || best_count <= enough) return best;  // too few to better it
   // One least-squares pass over the inliers takes out the noise of three samples.
-  double m[3][4] = {};
+  Eigen::Matrix3d square = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d right = Eigen::Vector3d::Zero();
   for (const InverseSample& s : samples) {
     if (std::abs(best.a * s.x + best.b * s.y + best.c - s.inverse) >= tolerance(s.inverse))
       continue;
-    const double row[3] = {s.x, s.y, 1};
-    for (int i = 0; i < 3; ++i) {
-      for (int j = 0; j < 3; ++j) m[i][j] += row[i] * row[j];
-      m[i][3] += row[i] * s.inverse;
-    }
+    const Eigen::Vector3d row(s.x, s.y, 1);
+    square += row * row.transpose();
+    right += row * s.inverse;
   }
-  for (int i = 0; i < 3; ++i) {
-    if (std::abs(m[i][i]) < 1e-9) return best;
-    for (int k = i + 1; k < 3; ++k) {
-      const double f = m[k][i] / m[i][i];
-      for (int j = i; j < 4; ++j) m[k][j] -= f * m[i][j];
-    }
-  }
-  double solution[3];
-  for (int i = 2; i >= 0; --i) {
-    double s = m[i][3];
-    for (int j = i + 1; j < 3; ++j) s -= m[i][j] * solution[j];
-    solution[i] = s / m[i][i];
-  }
-  best.a = static_cast<float>(solution[0]);
-  best.b = static_cast<float>(solution[1]);
-  best.c = static_cast<float>(solution[2]);
+  const Eigen::LDLT<Eigen::Matrix3d> factor(square);
+  if (!(factor.vectorD().minCoeff() > 1e-9)) return best;
+  const Eigen::Vector3f plane = factor.solve(right).cast<float>();
+  best.a = plane.x(), best.b = plane.y(), best.c = plane.z();
   return best;
 }
 

@@ -8,7 +8,6 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
-#include "stillpoint/core/bit_mask.hpp"
 #include "stillpoint/core/cell_labels.hpp"
 #include "stillpoint/core/depth_view.hpp"
 #include "stillpoint/core/instance.hpp"
@@ -54,13 +53,11 @@ class ObjectDepthRange {
 
   /// The default: the samples on the instance's own mask; of their histogram's modes the one where
   /// the object is expected, else the nearest that matters, and what hangs together with it. False
-  /// if too few samples have depth. `mask`: the instance's, unless it is a bare box; what is
-  /// `known_static` (if given) in one counts only if hardly anything else is there. O(samples in
-  /// the box).
+  /// if too few samples have depth. In a bare box what is `known_static` (if given) counts only if
+  /// hardly anything else is there. O(samples in the box).
   bool find_on_mask(const DepthView& depth, const StratifiedSamples& samples,
-                    const Instance& instance, const detail::BitMask& mask,
-                    const CellLabels* known_static, DepthRange& range) {
-    if (!fill_histogram(depth, samples, instance, mask, known_static)) return false;
+                    const Instance& instance, const CellLabels* known_static, DepthRange& range) {
+    if (!fill_histogram(depth, samples, instance, known_static)) return false;
     const int peak = main_mode(instance.depth_m);
     const int enough = std::max(1, smooth(peak) / 25);
     int lo = peak, hi = peak;
@@ -73,114 +70,55 @@ class ObjectDepthRange {
     return true;
   }
 
-  /// The samples that find_on_mask() looked at, in units: one for each of the cells that the box
-  /// touches, row by row; 0 where the sample is not on the mask, has no depth or, in a bare box, is
-  /// known to be static.
-  const std::uint16_t* samples_on_mask() const { return samples_.data(); }
+  /// The samples of the instance of the last find_on_mask(), in units, for each cell of the image;
+  /// valid in the cells of its box. 0 where the sample is not on the mask, has no depth or, in a
+  /// bare box, is known to be static.
+  const cv::Mat_<std::uint16_t>& samples_on_mask() const { return on_mask_; }
 
  private:
   static constexpr int kBins = 256;
   static constexpr float kBinM = 0.05f;
-  static constexpr int kAhead = 3;        // rows of cells
   static constexpr float kReachM = 0.7f;  // a person's arm
 
   bool fill_histogram(const DepthView& depth, const StratifiedSamples& samples,
-                      const Instance& instance, const detail::BitMask& bits,
-                      const CellLabels* known_static) {
+                      const Instance& instance, const CellLabels* known_static) {
+    const cv::Rect &box = instance.box, cells = samples.cells_of(box);
+    const bool bare = instance.mask.empty();
+    const float to_bin = depth.metres_per_unit_value() / kBinM;
+    on_mask_.create(samples.grid_size(depth.size()));
     histogram_.fill(0);
     total_ = 0;
-    const cv::Rect& box = instance.box;
-    const cv::Rect cells = samples.cells_of(box);
-    const float to_bin = depth.metres_per_unit_value() / kBinM;
-    const bool bare = instance.mask.empty();
-    const std::size_t n = static_cast<std::size_t>(cells.area());
-    if (samples_.size() < n) samples_.resize(n);
-    int on_mask = 0, measured = 0;
-    std::uint16_t* sample = samples_.data();
-    const int cell = samples.cell_px();
-    for (int cy = cells.y; cy < cells.y + cells.height; ++cy) {
-      const auto take = [&](int cx) {
-        const cv::Point p = samples.place(cx, cy, depth.size());
-        const bool on =
-            box.contains(p) && (bare || detail::bit_at(bits.row(p.y), bits.bit_of(p.x)));
-        on_mask += on;
-        *sample++ = on ? depth.row(p.y)[p.x] : std::uint16_t{0};
-      };
-      // Cells that lie whole in the box need no questions, and whether their samples are on the
-      // mask, hard to foresee, no branch.
-      const bool whole_row = cy * cell >= box.y && (cy + 1) * cell <= box.y + box.height && !bare;
-      const int first = whole_row ? (box.x + cell - 1) / cell : cells.x + cells.width;
-      const int end = std::max(first, (box.x + box.width) / cell);
-      int cx = cells.x;
-      for (; cx < std::min(first, cells.x + cells.width); ++cx) take(cx);
-      if (!whole_row) continue;
-      const std::uint16_t* z = depth.row(cy * cell);
-      const std::uint64_t* mask = bits.row(cy * cell);
-      const std::size_t z_stride = depth.stride(), mask_stride = bits.words();
-      for (; cx < end; ++cx) {
-        const cv::Point offset = samples.offset(cx, cy);
-        const std::size_t x = static_cast<std::size_t>(cx * cell + offset.x);
-        const std::size_t y = static_cast<std::size_t>(offset.y);
-        const int on = detail::bit_at(mask + y * mask_stride, bits.bit_of(cx * cell + offset.x));
-        on_mask += on;
-        *sample++ = static_cast<std::uint16_t>(z[y * z_stride + x] & -on);
-      }
-      for (; cx < cells.x + cells.width; ++cx) take(cx);
-    }
-    if (!bare) {
-      measured = count_bins(n, to_bin);
-      total_ = measured;
-      return enough_of(measured, on_mask);
-    }
     std::array<int, kBins> of_static{};
-    int standing = 0;
-    sample = samples_.data();
+    int on_mask = 0, measured = 0, measured_static = 0;
     for (int cy = cells.y; cy < cells.y + cells.height; ++cy)
-      for (int cx = cells.x; cx < cells.x + cells.width; ++cx, ++sample) {
-        if (*sample == 0) continue;
+      for (int cx = cells.x; cx < cells.x + cells.width; ++cx) {
+        std::uint16_t& sample = on_mask_(cy, cx);
+        sample = 0;
         const cv::Point p = samples.place(cx, cy, depth.size());
+        if (!box.contains(p) || !(bare || instance.mask.at<uchar>(p - box.tl()))) continue;
+        ++on_mask;
+        const std::uint16_t units = depth.row(p.y)[p.x];
+        if (units == 0) continue;
         const std::size_t bin =
-            std::min(kBins - std::size_t{1}, static_cast<std::size_t>(*sample * to_bin));
+            std::min(kBins - std::size_t{1}, static_cast<std::size_t>(units * to_bin));
         // In a bare box the person is in the middle columns.
-        const int weight = 8 * std::abs(2 * (p.x - box.x) - box.width) < 3 * box.width ? 4 : 1;
-        if (known_static && known_static->known_static(p)) {
-          ++standing, of_static[bin] += weight, *sample = 0;
+        const bool middle = 8 * std::abs(2 * (p.x - box.x) - box.width) < 3 * box.width;
+        const int weight = bare && middle ? 4 : 1;
+        if (bare && known_static && known_static->known_static(p)) {
+          ++measured_static, of_static[bin] += weight;
         } else {
-          ++measured, total_ += weight, histogram_[bin] += weight;
+          sample = units;
+          ++measured, histogram_[bin] += weight, total_ += weight;
         }
       }
-    if (enough_of(measured, on_mask - standing)) return true;
+    if (enough_of(measured, on_mask - measured_static)) return true;
     for (std::size_t b = 0; b < histogram_.size(); ++b)
       histogram_[b] += of_static[b], total_ += of_static[b];
-    return enough_of(measured + standing, on_mask);
+    return enough_of(measured + measured_static, on_mask);
   }
 
   static bool enough_of(int measured, int on_mask) {
     return measured >= 6 && measured * 5 >= on_mask;
-  }
-
-  // Adds the first n samples to the histogram; returns how many have depth.
-  int count_bins(std::size_t n, float to_bin) {
-    constexpr std::size_t kPart = 32;
-    std::array<int, kPart> bins;
-    // One histogram after the other: adding to a number just written waits for it.
-    std::array<std::array<int, kBins>, 2> counts{};
-    int unmeasured = 0;
-    for (std::size_t i = 0; i < n; i += kPart) {
-      const std::size_t part = std::min(kPart, n - i);
-      const std::uint16_t* sample = samples_.data() + i;
-      for (std::size_t k = 0; k < part; ++k) {
-        const int bin = static_cast<int>(static_cast<float>(sample[k]) * to_bin);
-        bins[k] = bin < kBins - 1 ? bin : kBins - 1;
-      }
-      for (std::size_t k = 0; k < part; ++k) {
-        ++counts[k & 1][static_cast<std::size_t>(bins[k])];
-        unmeasured += sample[k] == 0;
-      }
-    }
-    for (std::size_t b = 0; b < histogram_.size(); ++b) histogram_[b] = counts[0][b] + counts[1][b];
-    histogram_[0] -= unmeasured;
-    return static_cast<int>(n) - unmeasured;
   }
 
   int count(int bin) const {
@@ -219,7 +157,7 @@ class ObjectDepthRange {
   std::array<int, kBins> histogram_{};
   int total_ = 0;
   std::vector<float> values_;
-  std::vector<std::uint16_t> samples_;
+  cv::Mat_<std::uint16_t> on_mask_;
 };
 
 }  // namespace stillpoint

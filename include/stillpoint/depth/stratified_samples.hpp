@@ -10,7 +10,7 @@
 
 namespace stillpoint {
 
-/// Stratified sampling of a picture: one place drawn uniformly in each cell of cell_px x cell_px
+/// Stratified sampling of a image: one place drawn uniformly in each cell of cell_px x cell_px
 /// (paper section 3.2). The same places in every frame for a seed, in any order of asking.
 class StratifiedSamples {
  public:
@@ -23,17 +23,11 @@ class StratifiedSamples {
     }
   }
 
-  /// The sample's pixel of a cell, inside the picture.
+  /// The sample's pixel of a cell, inside the image.
   cv::Point place(int cell_x, int cell_y, const cv::Size& size) const {
-    const cv::Point p = offset(cell_x, cell_y);
+    const Place& p = places_[static_cast<unsigned>(cell_y * 61 + cell_x) % kTable];
     return {std::min(cell_x * cell_px_ + p.x, size.width - 1),
             std::min(cell_y * cell_px_ + p.y, size.height - 1)};
-  }
-
-  /// Where in its cell the sample lies, pixels.
-  cv::Point offset(int cell_x, int cell_y) const {
-    const Place& p = places_[static_cast<unsigned>(cell_y * 61 + cell_x) % kTable];
-    return {p.x, p.y};
   }
 
   /// The cells that a rectangle of pixels touches.
@@ -41,6 +35,11 @@ class StratifiedSamples {
     const int x0 = r.x / cell_px_, y0 = r.y / cell_px_;
     return {x0, y0, (r.x + r.width - 1) / cell_px_ - x0 + 1,
             (r.y + r.height - 1) / cell_px_ - y0 + 1};
+  }
+
+  /// Columns and rows of cells in an image.
+  cv::Size grid_size(const cv::Size& size) const {
+    return {(size.width - 1) / cell_px_ + 1, (size.height - 1) / cell_px_ + 1};
   }
 
   int cell_px() const { return cell_px_; }

@@ -6,19 +6,31 @@
 #endif
 
 #include <algorithm>
+#include <bitset>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <opencv2/core.hpp>
 #include <vector>
 
-#include "stillpoint/core/bit_mask.hpp"
 #include "stillpoint/core/config.hpp"
 #include "stillpoint/core/scratch.hpp"
 
 namespace stillpoint {
 
 namespace detail {
+
+/// How many bits are set.
+inline int count_bits(std::uint64_t v) { return static_cast<int>(std::bitset<64>(v).count()); }
+
+/// Place of the lowest bit of a word that is not zero.
+inline std::size_t lowest_bit(std::uint64_t v) {
+#if defined(__GNUC__) || defined(__clang__)
+  return static_cast<std::size_t>(__builtin_ctzll(v));
+#else
+  return static_cast<std::size_t>(count_bits(~v & (v - 1)));
+#endif
+}
 
 /// For each of n points its cell in a grid from `origin` on, row by row; the first or last ones for
 /// points beyond.
@@ -101,8 +113,8 @@ class GridNeighborSearch {
     for_each_run(query, [&](std::size_t begin, std::size_t end) {
       for (; begin < end; begin += kChunk) {
         const std::size_t n = std::min(kChunk, end - begin);
-        detail::for_each_bit(near_bits(query, begin, n),
-                             [&](int i) { visit(index_[begin + static_cast<std::size_t>(i)]); });
+        for (std::uint64_t bits = near_bits(query, begin, n); bits != 0; bits &= bits - 1)
+          visit(index_[begin + detail::lowest_bit(bits)]);
       }
     });
   }

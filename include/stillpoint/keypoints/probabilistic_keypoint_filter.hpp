@@ -9,7 +9,6 @@
 #include <string>
 #include <vector>
 
-#include "stillpoint/core/byte_rows.hpp"
 #include "stillpoint/core/error.hpp"
 #include "stillpoint/core/frame.hpp"
 #include "stillpoint/core/image_scale.hpp"
@@ -196,24 +195,14 @@ class ProbabilisticKeypointFilter {
     top_ = min_y_ - (static_cast<float>(steps) + 1.5f) * cell;
     columns_ = static_cast<int>((max_x_ - left_) * per_cell_) + steps + 2;
     rows_ = static_cast<int>((max_y_ - top_) * per_cell_) + steps + 2;
-    // Each point marks the cell `steps` further right and down; then each cell takes what is
-    // marked in the 2 steps + 1 cells from it on: over columns, then rows. No row is marked in its
-    // first 2 steps cells, so what is taken from the next row is nothing.
     const std::size_t stride = static_cast<std::size_t>(columns_);
-    const std::size_t size = detail::whole_parts(stride * static_cast<std::size_t>(rows_));
-    const std::size_t window = static_cast<std::size_t>(2 * steps + 1);
-    detail::refill(near_, size + window * stride, std::uint8_t{0});
-    detail::refill(before_, size + window * stride, std::uint8_t{0});
+    const std::size_t reach = static_cast<std::size_t>(steps), window = 2 * reach + 1;
+    detail::refill(near_, stride * static_cast<std::size_t>(rows_), std::uint8_t{0});
     find_cells(dynamic_points_);
-    for (const int c : cell_of_)
-      near_[static_cast<std::size_t>(c) + static_cast<std::size_t>(steps) * (stride + 1)] = 1;
-    for (const std::size_t step : {std::size_t{1}, stride})
-      for (std::size_t covered = 1; covered < window;) {
-        const std::size_t add = std::min(covered, window - covered);
-        std::swap(near_, before_);
-        detail::or_shifted(before_.data(), near_.data(), size, add * step);
-        covered += add;
-      }
+    for (const int c : cell_of_) {
+      std::uint8_t* row = near_.data() + static_cast<std::size_t>(c) - reach * (stride + 1);
+      for (std::size_t k = 0; k < window; ++k, row += stride) std::fill_n(row, window, 1);
+    }
   }
 
   void find_cells(const std::vector<cv::Point2f>& points) {
@@ -270,7 +259,7 @@ class ProbabilisticKeypointFilter {
 
   float per_cell_ = 1, left_ = 0, top_ = 0;
   int columns_ = 0, rows_ = 0;
-  std::vector<std::uint8_t> near_, before_;
+  std::vector<std::uint8_t> near_;
   std::vector<int> removed_;
 };
 

@@ -14,7 +14,6 @@
 #include <string>
 #include <vector>
 
-#include "stillpoint/core/byte_rows.hpp"
 #include "stillpoint/core/depth_view.hpp"
 #include "stillpoint/core/frame.hpp"
 #include "stillpoint/core/instance.hpp"
@@ -68,7 +67,7 @@ class RememberedObject {
       else if (!also)
         std::memcpy(to, in, width);
       else
-        detail::and_rows(in, also, width, to);
+        for (std::size_t x = 0; x < width; ++x) to[x] = static_cast<uchar>(in[x] & also[x]);
     }
     // The picture is only looked at where the depth cannot tell.
     if (depth.empty())
@@ -268,10 +267,7 @@ class RememberedObject {
               ? 1
               : std::min({last - i, steps_within(x, step_x - kOne), steps_within(y, step_y)});
       const uchar* from = mask + (y >> 32) * width + (x >> 32);
-      if (run == 1)
-        to[i] = static_cast<uchar>(to[i] | *from);
-      else
-        detail::or_into(from, static_cast<std::size_t>(run), to + i);
+      for (std::int64_t k = 0; k < run; ++k) to[i + k] = static_cast<uchar>(to[i + k] | from[k]);
       i += run, x += run * step_x, y += run * step_y;
     }
   }

@@ -12,7 +12,6 @@
 #include <vector>
 
 #include "stillpoint/core/blur.hpp"
-#include "stillpoint/core/byte_rows.hpp"
 #include "stillpoint/core/camera.hpp"
 #include "stillpoint/core/depth_view.hpp"
 #include "stillpoint/core/frame.hpp"
@@ -344,11 +343,8 @@ class SegmentationCompensator {
       }
     }
     if (instance) {
-      for (int y = 0; y < instance->box.height; ++y) {
-        const uchar* in = instance->mask.ptr<uchar>(y);
-        uchar* to = mask.ptr<uchar>(y + instance->box.y - area.y) + instance->box.x - area.x;
-        detail::or_into(in, static_cast<std::size_t>(instance->box.width), to);
-      }
+      cv::Mat part = mask(instance->box - area.tl());
+      cv::bitwise_or(part, instance->mask, part);
     } else {
       output_.instances.emplace_back();
       owner_.push_back(static_cast<int>(j));
