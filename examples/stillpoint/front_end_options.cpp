@@ -62,6 +62,10 @@ void for_each_setting(Settings& s, const Visit& visit) {
   visit("late.widen_after_s", s.late.widen_after_s);
   visit("late.widen_px_per_s", s.late.widen_px_per_s);
   visit("blur.exposure_s", s.blur.exposure_s);
+  visit("objects.max_lost_s", s.objects.max_lost_s);
+  visit("objects.velocity_m_s", s.objects.velocity_m_s);
+  visit("objects.acceleration_m_s2", s.objects.acceleration_m_s2);
+  visit("objects.centroid_m", s.objects.centroid_m);
   visit("sensor.depth_floor_m", s.sensor.depth_floor_m);
   visit("sensor.depth_slope", s.sensor.depth_slope);
   visit("sensor.depth_square", s.sensor.depth_square);

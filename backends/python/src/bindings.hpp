@@ -16,6 +16,7 @@ void bind_trajectory(py::module_& m);
 void bind_segmenter(py::module_& m);
 void bind_segmenters(py::module_& m);
 void bind_selection(py::module_& m);
+void bind_objects(py::module_& m);
 void bind_front_end(py::module_& m);
 void bind_components(py::module_& m);
 void bind_slam(py::module_& m);

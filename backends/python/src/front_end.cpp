@@ -168,6 +168,14 @@ void bind_results(py::class_<PyFrontEnd>& cls) {
           },
           "The objects of the last frame with their final masks, before dilation.")
       .def_property_readonly(
+          "objects",
+          [](PyFrontEnd& f) {
+            const Use use(f.gate);
+            return std::vector<DynamicObject>(f.front_end.objects());
+          },
+          "The objects of the last frame with ids, places and velocities.\n\nAsk after "
+          "correct_pose(), which makes the places better.")
+      .def_property_readonly(
           "settings", [](const PyFrontEnd& f) { return FrontEndSettings(f.front_end.settings()); },
           "A copy of the settings.");
   const std::pair<const char*, cv::Mat (FrontEnd::*)() const> masks[] = {
@@ -222,7 +230,19 @@ void bind_front_end(py::module_& m) {
             return without_gil([&] { return Selection(f.front_end.select(points)); });
           },
           py::arg("keypoints"),
-          "Judges keypoints against the last mask: (N, 2), x and y in pixels, or cv2.KeyPoint.");
+          "Judges keypoints against the last mask: (N, 2), x and y in pixels, or cv2.KeyPoint.")
+      .def(
+          "select_tracked",
+          [](PyFrontEnd& f, const py::object& now, const py::object& before) {
+            const Use use(f.gate);
+            const Keypoints points(now, "now"), earlier(before, "before");
+            return without_gil(
+                [&] { return Selection(f.front_end.select_tracked(points, earlier)); });
+          },
+          py::arg("now"), py::arg("before"),
+          "The same for points that you track (KLT): drops them one frame before they are "
+          "inside.\n\n"
+          "before: where they were in the last frame, (N, 2); NaN: new.");
   bind_results(cls);
 }
 

@@ -9,7 +9,7 @@ namespace {
 using Compensation = SegmentationCompensatorSettings;
 using Depth = DepthMaskFuserSettings;
 
-SettingsTable compensation, depth, probability, movers, motion, ego, late, blur, sensor;
+SettingsTable compensation, depth, probability, movers, motion, ego, late, blur, objects, sensor;
 
 void bind_paper_stages(py::module_& m) {
   SettingsClass<Compensation>(m, compensation, "SegmentationCompensatorSettings",
@@ -94,6 +94,12 @@ void bind_motion(py::module_& m) {
   SettingsClass<BlurMeterSettings>(m, blur, "BlurMeterSettings", "Settings of the blur meter.")
       .add("exposure_s", &BlurMeterSettings::exposure_s,
            "Exposure time, seconds; 0: the camera's.");
+  using Objects = ObjectTrackerSettings;
+  SettingsClass<Objects>(m, objects, "ObjectTrackerSettings", "Settings of FrontEnd.objects.")
+      .add("max_lost_s", &Objects::max_lost_s, "How long an object out of view keeps its id.")
+      .add("velocity_m_s", &Objects::velocity_m_s, "Deviation of a new object's velocity, m/s.")
+      .add("acceleration_m_s2", &Objects::acceleration_m_s2, "How much it changes in a second.")
+      .add("centroid_m", &Objects::centroid_m, "How far the visible centroid wanders, metres.");
 }
 
 void bind_sensor(py::module_& m) {
@@ -144,6 +150,7 @@ void bind_settings(py::module_& m) {
       .add_nested("ego", &S::ego, ego, "The camera's motion.")
       .add_nested("late", &S::late, late, "Late segmentations.")
       .add_nested("blur", &S::blur, blur, "Motion blur.")
+      .add_nested("objects", &S::objects, objects, "Ids, places and velocities.")
       .add_nested("sensor", &S::sensor, sensor, "What the depth camera's measurements are worth.")
       .add("use_compensation", &S::use_compensation, "Mend missed detections (3.1).")
       .add("use_depth", &S::use_depth, "Fuse masks with depth (3.2).")

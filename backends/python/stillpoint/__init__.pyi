@@ -11,6 +11,7 @@ from stillpoint._types.settings import KeypointFilterSettings as KeypointFilterS
 from stillpoint._types.settings import LateSegmentationSettings as LateSegmentationSettings
 from stillpoint._types.settings import MotionCheckSettings as MotionCheckSettings
 from stillpoint._types.settings import MoverDetectorSettings as MoverDetectorSettings
+from stillpoint._types.settings import ObjectTrackerSettings as ObjectTrackerSettings
 from stillpoint._types.settings import RpeSettings as RpeSettings
 from stillpoint._types.settings import (
     SegmentationCompensatorSettings as SegmentationCompensatorSettings,
@@ -36,6 +37,13 @@ from stillpoint._types.front_end import Segmenter as Segmenter
 from stillpoint._types.front_end import Selection as Selection
 from stillpoint._types.front_end import compact as compact
 from stillpoint._types.front_end import status_names as status_names
+from stillpoint._types.objects import DynamicObject as DynamicObject
+from stillpoint._types.objects import ObjectState as ObjectState
+from stillpoint._types.objects import dynamic_probability as dynamic_probability
+from stillpoint._types.objects import dynamic_probability_at as dynamic_probability_at
+from stillpoint._types.objects import feature_mask as feature_mask
+from stillpoint._types.objects import masked_depth as masked_depth
+from stillpoint._types.objects import static_image as static_image
 from stillpoint._types.systems import ColoredPoints as ColoredPoints
 from stillpoint._types.systems import DenseMap as DenseMap
 from stillpoint._types.systems import DetectionThread as DetectionThread

@@ -30,3 +30,4 @@ class KeypointReason(enum.IntEnum):
     IN_MASK = 2
     PROBABLE = 3
     OUTSIDE_PICTURE = 4
+    ENTERING = 5

@@ -84,6 +84,13 @@ class BlurMeterSettings(_Settings):
     def __init__(self, **changes: Any) -> None: ...
     exposure_s: float
 
+class ObjectTrackerSettings(_Settings):
+    def __init__(self, **changes: Any) -> None: ...
+    max_lost_s: float
+    velocity_m_s: float
+    acceleration_m_s2: float
+    centroid_m: float
+
 class SensorModel(_Settings):
     def __init__(self, **changes: Any) -> None: ...
     depth_floor_m: float
@@ -113,6 +120,7 @@ class FrontEndSettings(_Settings):
     ego: EgoMotionSettings
     late: LateSegmentationSettings
     blur: BlurMeterSettings
+    objects: ObjectTrackerSettings
     sensor: SensorModel
     use_compensation: bool
     use_depth: bool
