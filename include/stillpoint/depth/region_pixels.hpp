@@ -90,15 +90,16 @@ class RegionPixels {
     }
   }
 
+  // Without branches, as loops of vector instructions.
   void in_bounds(const std::uint16_t* z, int n, uchar* STILLPOINT_RESTRICT out) const {
     const std::uint16_t *lo = lo_row_.data(), *hi = hi_row_.data();
-    for (int x = 0; x < n; ++x) out[x] = (z[x] >= lo[x]) & (z[x] <= hi[x]) ? 255 : 0;
+    for (int x = 0; x < n; ++x) out[x] = ((z[x] >= lo[x]) & (z[x] <= hi[x])) ? 255 : 0;
   }
 
   // Adds the pixels of `among` that have no depth.
   static void add_unmeasured(const std::uint16_t* z, const uchar* among, int n,
                              uchar* STILLPOINT_RESTRICT out) {
-    for (int x = 0; x < n; ++x) out[x] = out[x] | ((z[x] == 0) & (among[x] != 0) ? 255 : 0);
+    for (int x = 0; x < n; ++x) out[x] = ((z[x] == 0) & (among[x] != 0)) ? 255 : out[x];
   }
 
   cv::Mat_<std::uint16_t> lo_, hi_;  // of the cells used
