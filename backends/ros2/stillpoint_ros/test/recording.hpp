@@ -1,0 +1,97 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+// A folder in TUM layout, with masks, as messages.
+
+#include <algorithm>
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <opencv2/core.hpp>
+#include <optional>
+#include <sensor_msgs/msg/camera_info.hpp>
+#include <sensor_msgs/msg/image.hpp>
+#include <stillpoint/backends/mask_files.hpp>
+#include <stillpoint/backends/ros2/messages.hpp>
+#include <stillpoint/backends/ros2/parameters.hpp>
+#include <stillpoint/front_end.hpp>
+#include <stillpoint/io/tum_sequence.hpp>
+#include <string>
+#include <vector>
+
+namespace stillpoint_ros {
+
+using sensor_msgs::msg::CameraInfo;
+using sensor_msgs::msg::Image;
+
+inline Image to_message(const cv::Mat& image, const std::string& encoding, std::int64_t stamp) {
+  Image m;
+  m.header.stamp.sec = static_cast<std::int32_t>(stamp / 1000000000);
+  m.header.stamp.nanosec = static_cast<std::uint32_t>(stamp % 1000000000);
+  m.header.frame_id = "camera";
+  m.encoding = encoding;
+  m.width = static_cast<std::uint32_t>(image.cols);
+  m.height = static_cast<std::uint32_t>(image.rows);
+  m.step = static_cast<std::uint32_t>(image.step);
+  const std::uint8_t* const bytes = image.data;  // whole images have no gaps
+  m.data.assign(bytes, bytes + image.total() * image.elemSize());
+  return m;
+}
+
+inline CameraInfo to_message(const stillpoint::Camera& camera, std::int64_t stamp) {
+  CameraInfo m;
+  m.header = to_message(cv::Mat(1, 1, CV_8UC1), "mono8", stamp).header;
+  m.width = static_cast<std::uint32_t>(camera.width);
+  m.height = static_cast<std::uint32_t>(camera.height);
+  m.distortion_model = "plumb_bob";
+  m.d = {camera.k1, camera.k2, camera.p1, camera.p2, camera.k3};
+  m.k = {camera.fx, 0, camera.cx, 0, camera.fy, camera.cy, 0, 0, 1};
+  return m;
+}
+
+/// The frames of a folder, held in memory, and what the front end makes of them without ROS.
+class Recording {
+ public:
+  struct Frame {
+    std::int64_t stamp;
+    stillpoint::RgbdFrame images;
+    std::optional<cv::Mat> labels;  ///< Nothing: the network has no result.
+  };
+
+  Recording(const std::filesystem::path& folder, const std::filesystem::path& masks,
+            std::size_t most)
+      : sequence_(folder), camera_(sequence_.camera().value_or(stillpoint::Camera::tum_fr3())) {
+    for (std::size_t i = 0; i < std::min(most, sequence_.size()); ++i) {
+      Frame frame;
+      frame.images = sequence_.load(i);
+      frame.stamp = stillpoint::ros2::nanoseconds(frame.images.timestamp);
+      const auto file = stillpoint::mask_path(masks, sequence_.entry(i).stem);
+      if (std::filesystem::exists(file))
+        frame.labels = stillpoint::read_labels(file, frame.images.color.size());
+      frames_.push_back(std::move(frame));
+    }
+  }
+
+  const stillpoint::Camera& camera() const { return camera_; }
+  const std::vector<Frame>& frames() const { return frames_; }
+
+  /// The masks of one pass, by the front end without ROS.
+  std::vector<cv::Mat> masks(const stillpoint::ros2::Parameters& parameters) const {
+    stillpoint::FrontEnd front_end(parameters.front_end(), camera_);
+    std::vector<cv::Mat> out;
+    for (const Frame& frame : frames_) {
+      stillpoint::Segmentation segmentation;
+      segmentation.available = frame.labels.has_value();
+      if (frame.labels) segmentation.instances = stillpoint::instances_from_labels(*frame.labels);
+      out.push_back(front_end.compute_mask(frame.images, segmentation).image.clone());
+    }
+    return out;
+  }
+
+ private:
+  stillpoint::TumSequence sequence_;
+  stillpoint::Camera camera_;
+  std::vector<Frame> frames_;
+};
+
+}  // namespace stillpoint_ros
