@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "stillpoint/backends/rgbd_slam/descriptor.hpp"
+#include "stillpoint/core/random.hpp"
 
 namespace stillpoint::rgbd_slam {
 
@@ -25,17 +26,10 @@ class PlaceIndex {
   };
 
   PlaceIndex() : tables_(kTables) {
-    // A fixed generator (SplitMix64) draws the bits: the same tables on every machine.
-    std::uint64_t state = 0x5eed;
-    const auto next = [&state] {
-      std::uint64_t z = state += 0x9e3779b97f4a7c15ull;
-      z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9ull;
-      z = (z ^ (z >> 27)) * 0x94d049bb133111ebull;
-      return z ^ (z >> 31);
-    };
+    RandomGenerator random(0x5eed);  // the same tables on every machine
     for (Table& table : tables_) {
       table.buckets.resize(1u << kBits);
-      for (auto& bit : table.bits) bit = static_cast<std::uint8_t>(next() >> 56);
+      for (auto& bit : table.bits) bit = static_cast<std::uint8_t>(random.next() >> 56);
     }
   }
 
