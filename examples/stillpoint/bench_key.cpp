@@ -96,6 +96,8 @@ Json job_key(const BenchJob& job, const std::string& masks, const std::string& i
           {"varied", s.varied},
           {"varied_value", s.varied_value},
           {"sensor", s.sensor},
+          {"settings_file", s.from_file.changed},
+          {"dynamic", s.from_file.dynamic},
           {"changed", s.changed},
           {"segmenter", s.segmenter},
           {"tracker", s.tracker},

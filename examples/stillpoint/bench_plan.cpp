@@ -4,8 +4,8 @@
 #include <algorithm>
 #include <set>
 
-#include "front_end_options.hpp"
 #include "stillpoint/core/error.hpp"
+#include "stillpoint/io/setting_names.hpp"
 #include "stillpoint/io/text_file.hpp"
 #include "systems.hpp"
 
@@ -93,7 +93,7 @@ std::vector<Variant> varied(const std::string& text) {
     v.varied = name;
     v.varied_value = *value;
     FrontEndSettings settings;
-    change_setting(settings, name, *value);  // says what is wrong with the name
+    set_setting(settings, name, word);  // says what is wrong with the name
     all.push_back(v);
     at = comma;
   }

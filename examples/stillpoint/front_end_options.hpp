@@ -9,12 +9,7 @@
 
 namespace stillpoint::cli {
 
-/// Changes one setting: by its path in FrontEndSettings ("depth.dilation_px"), or by its last name
-/// where only one setting has it. Throws Error for a name that is none, with the nearest; for one
-/// that several have; and for a value that does not fit.
-void change_setting(FrontEndSettings& settings, const std::string& name, double value);
-
-/// The same for "NAME=VALUE"; true and false are 1 and 0.
+/// Changes one setting by "NAME=VALUE" (see set_setting()).
 void change_setting(FrontEndSettings& settings, const std::string& name_and_value);
 
 /// All settings by path.

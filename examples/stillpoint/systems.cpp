@@ -17,6 +17,7 @@
 #include "stillpoint/backends/torchscript.hpp"
 #endif
 #include "stillpoint/io/mask_folder.hpp"
+#include "stillpoint/io/setting_names.hpp"
 #include "stillpoint/io/text_file.hpp"
 #include "stillpoint/segmentation/detection_thread.hpp"
 #include "stillpoint/testing/delayed_segmenter.hpp"
@@ -115,11 +116,12 @@ std::vector<std::string> segmenter_names() {
 std::vector<std::string> tracker_names() { return {"slam", "vo"}; }
 std::string default_tracker() { return "slam"; }
 
-TumSequence open_sequence(const fs::path& folder, const std::string& camera) {
+TumSequence open_sequence(const fs::path& folder, const std::string& camera, bool depth_required) {
   TumSequence::Settings settings;
+  settings.depth_required = depth_required;
   if (!camera.empty()) settings.camera = camera_from(camera);
   TumSequence sequence(folder, settings);
-  if (!sequence.camera()) {
+  if (!sequence.camera() && !sequence.entry(0).depth_path.empty()) {
     const std::string hint = hinted_camera(fs::absolute(folder).lexically_normal().string());
     throw Error("sequence " + folder.string() +
                 ": has no camera.yaml; say which camera took it: --camera fr1, fr2, fr3, bonn or "
@@ -127,6 +129,10 @@ TumSequence open_sequence(const fs::path& folder, const std::string& camera) {
                 (hint.empty() ? "" : " (its name speaks of --camera " + hint + ")"));
   }
   return sequence;
+}
+
+void load_settings(RunSettings& settings) {
+  if (!settings.settings_file.empty()) settings.from_file = read_settings(settings.settings_file);
 }
 
 void choose_segmenter(RunSettings& settings) {
@@ -202,9 +208,10 @@ std::unique_ptr<Segmenter> make_late(const RunSettings& settings,
 }
 
 std::vector<DynamicClass> dynamic_classes(const RunSettings& settings) {
-  if (settings.dynamic.empty()) return FrontEndSettings().dynamic_classes;
+  const auto& given = settings.dynamic.empty() ? settings.from_file.dynamic : settings.dynamic;
+  if (given.empty()) return FrontEndSettings().dynamic_classes;
   std::vector<DynamicClass> classes;
-  for (const std::string& text : settings.dynamic) {
+  for (const std::string& text : given) {
     const std::size_t equals = text.find('=');
     const auto prior = equals == std::string::npos ? std::optional<double>(1)
                                                    : detail::parse_number(text.substr(equals + 1));
@@ -248,8 +255,10 @@ nlohmann::ordered_json tracker_json(const Tracker& tracker) {
 FrontEndSettings front_end_settings(const RunSettings& settings) {
   FrontEndSettings front_end = FrontEndSettings::preset(settings.preset);
   if (!settings.sensor.empty()) front_end.sensor = sensor_of(settings.sensor);
-  for (const std::string& text : settings.changed) change_setting(front_end, text);
-  if (!settings.varied.empty()) change_setting(front_end, settings.varied, settings.varied_value);
+  for (const auto* changes : {&settings.from_file.changed, &settings.changed})
+    for (const std::string& text : *changes) change_setting(front_end, text);
+  if (!settings.varied.empty())
+    set_setting(front_end, settings.varied, detail::number_text(settings.varied_value));
   for (const std::string& stage : settings.without) {
     if (stage == "compensation") front_end.use_compensation = false;
     if (stage == "depth") front_end.use_depth = false;

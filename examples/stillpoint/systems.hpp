@@ -14,8 +14,13 @@ namespace stillpoint::cli {
 
 // From what the user wrote to the objects that do the work. All throw Error listing the choices.
 
-/// Opens the sequence with the camera that was named, or its own camera.yaml.
-TumSequence open_sequence(const std::filesystem::path& folder, const std::string& camera);
+/// Opens the sequence with the camera that was named, or its own camera.yaml. Without depth, where
+/// that is not required, it may have none.
+TumSequence open_sequence(const std::filesystem::path& folder, const std::string& camera,
+                          bool depth_required = true);
+
+/// Reads the settings file, if one is given.
+void load_settings(RunSettings& settings);
 
 /// Fills in segmenter and masks where the user left them open.
 void choose_segmenter(RunSettings& settings);

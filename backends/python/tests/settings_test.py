@@ -80,11 +80,7 @@ def test_names_are_those_of_the_command_line(scene, cli, tmp_path):
     theirs = json.loads((tmp_path / "out" / "stats.json").read_text())["settings"]["all"]
     for name, value in theirs.items():
         assert ours[name] == pytest.approx(value), name
-    assert set(ours) - set(theirs) == {
-        "compensation.trigger",
-        "depth.method",
-        "dynamic_classes",
-    }
+    assert set(ours) - set(theirs) == {"dynamic_classes"}
 
 
 def test_the_version_is_the_librarys(source):
