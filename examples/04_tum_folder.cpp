@@ -11,7 +11,7 @@
 #include <stillpoint/evaluation/coverage.hpp>
 #include <stillpoint/evaluation/trajectory_error.hpp>
 #include <stillpoint/front_end.hpp>
-#include <stillpoint/io/trajectory_file.hpp>
+#include <stillpoint/io/run_sequence.hpp>
 #include <stillpoint/io/tum_sequence.hpp>
 
 int main(int argc, char** argv) try {
@@ -26,19 +26,15 @@ int main(int argc, char** argv) try {
   stillpoint::FrontEnd front_end(stillpoint::FrontEndSettings(), camera, &segmenter);
   stillpoint::rgbd_slam::RgbdOdometry tracker(camera);
 
-  for (std::size_t i = 0; i < sequence.size(); ++i) {
-    const stillpoint::RgbdFrame frame = sequence.load(i);
-    const auto& mask = front_end.compute_mask(frame, tracker.predicted_motion());
-    const auto& keypoints = tracker.extract(frame, mask);
-    const auto& selection = front_end.select(keypoints);
-    if (!tracker.track(frame, mask, selection)) std::cout << "frame " << i << ": lost\n";
+  stillpoint::SequenceRun run;
+  run.trajectory = argv[2];
+  run.tracked = [&](const stillpoint::TrackedFrame& t) {
+    if (!t.T_world_camera) std::cout << "frame " << t.index << ": lost\n";
     for (const std::string& name : stillpoint::status_names(front_end.stats().status))
-      std::cout << "frame " << i << ": " << name << "\n";
-  }
-  tracker.finish();
-
-  const stillpoint::Trajectory estimate = tracker.trajectory();
-  stillpoint::write_trajectory(argv[2], estimate);
+      std::cout << "frame " << t.index << ": " << name << "\n";
+  };
+  const stillpoint::Trajectory estimate =
+      stillpoint::run_sequence(sequence, front_end, tracker, run);
   if (sequence.has_groundtruth()) {
     const stillpoint::Trajectory truth = sequence.groundtruth();
     const auto covered = stillpoint::coverage(truth, estimate, sequence.timestamps());

@@ -12,6 +12,7 @@
 #include <stillpoint/backends/mask_files.hpp>
 #include <stillpoint/evaluation/trajectory_error.hpp>
 #include <stillpoint/front_end.hpp>
+#include <stillpoint/io/run_sequence.hpp>
 #include <stillpoint/io/tum_sequence.hpp>
 #include <stillpoint/tracking/tracker.hpp>
 
@@ -97,16 +98,15 @@ int main(int argc, char** argv) try {
                                            stillpoint::frame_names(sequence));
   stillpoint::FrontEnd front_end(stillpoint::FrontEndSettings(), camera, &segmenter);
   PnpOdometry tracker(camera);
-  for (std::size_t i = 0; i < sequence.size(); ++i) {
-    const stillpoint::RgbdFrame frame = sequence.load(i);
-    const auto& mask = front_end.compute_mask(frame, tracker.predicted_motion());
-    const auto& selection = front_end.select(tracker.extract(frame, mask));
-    if (!tracker.track(frame, mask, selection)) std::cout << "frame " << i << ": lost\n";
-  }
-  std::cout << tracker.trajectory().size() << " of " << sequence.size() << " frames tracked";
-  if (sequence.has_groundtruth() && tracker.trajectory().size() >= 3)
-    std::cout << ", ATE RMSE "
-              << stillpoint::ate(sequence.groundtruth(), tracker.trajectory()).rmse_m << " m";
+  stillpoint::SequenceRun run;
+  run.tracked = [](const stillpoint::TrackedFrame& t) {
+    if (!t.T_world_camera) std::cout << "frame " << t.index << ": lost\n";
+  };
+  const stillpoint::Trajectory estimate =
+      stillpoint::run_sequence(sequence, front_end, tracker, run);
+  std::cout << estimate.size() << " of " << sequence.size() << " frames tracked";
+  if (sequence.has_groundtruth() && estimate.size() >= 3)
+    std::cout << ", ATE RMSE " << stillpoint::ate(sequence.groundtruth(), estimate).rmse_m << " m";
   std::cout << "\n";
 } catch (const stillpoint::Error& error) {
   std::cerr << error.what() << "\n";

@@ -6,6 +6,7 @@
 #include <limits>
 #include <map>
 
+#include "files.hpp"
 #include "overlay.hpp"
 #include "statistics.hpp"
 #include "stillpoint/core/error.hpp"
@@ -36,34 +37,34 @@ FrameWriter::FrameWriter(const RunOutputs& outputs) : outputs_(outputs) {
   std::fputs("timestamp,x,y,probability,kept\n", csv_.get());
 }
 
-void FrameWriter::write(const Pipeline& pipeline, const RgbdFrame& frame, const std::string& stem,
-                        std::size_t index, WholePictureJudge& judge) {
-  const Selection& selection = pipeline.selection();
+void FrameWriter::write(const FrameView& view, const std::string& stem, WholePictureJudge& judge) {
+  const RgbdFrame& frame = view.frame();
+  const Selection& selection = view.selection();
   if (!outputs_.masks_dir.empty()) {
-    cv::Mat mask = pipeline.mask().image;
+    cv::Mat mask = view.mask().image;
     if (mask.empty()) mask = cv::Mat::zeros(frame.color.size(), CV_8UC1);
     write_picture(mask_path(outputs_.masks_dir, stem), mask);
   }
   if (csv_)
     for (std::size_t i = 0; i < selection.size(); ++i) {
-      const cv::Point2f p = pipeline.keypoints()[i].pt;
+      const cv::Point2f p = view.keypoints()[i].pt;
       std::fprintf(csv_.get(), "%.6f,%.2f,%.2f,%.4f,%d\n", frame.timestamp,
                    static_cast<double>(p.x), static_cast<double>(p.y),
                    static_cast<double>(selection.probability[i]), selection.is_kept(i) ? 1 : 0);
     }
   const auto& stems = outputs_.overlay_stems;
-  const bool wanted = (outputs_.overlay_every > 0 && index % outputs_.overlay_every == 0) ||
+  const bool wanted = (outputs_.overlay_every > 0 && view.index() % outputs_.overlay_every == 0) ||
                       std::find(stems.begin(), stems.end(), stem) != stems.end();
   if (outputs_.overlays_dir.empty() || !wanted) return;
   std::vector<cv::Point2f> kept, removed;
-  for (int i : selection.kept) kept.push_back(pipeline.keypoints()[static_cast<std::size_t>(i)].pt);
-  if (pipeline.uses_front_end()) {
-    judge.judge(frame, pipeline.mask());
+  for (int i : selection.kept) kept.push_back(view.keypoints()[static_cast<std::size_t>(i)].pt);
+  if (view.uses_front_end()) {
+    judge.judge(frame, view.mask());
     for (std::size_t i = 0; i < judge.keypoints().size(); ++i)
       if (!judge.selection().is_kept(i)) removed.push_back(judge.keypoints()[i].pt);
   }
   write_picture(outputs_.overlays_dir / (stem + (outputs_.overlays_jpeg ? ".jpg" : ".png")),
-                draw_overlay(frame.color, pipeline.mask(), kept, removed, frame.timestamp));
+                draw_overlay(frame.color, view.mask(), kept, removed, frame.timestamp));
 }
 
 void FrameWriter::finish() {
@@ -71,11 +72,12 @@ void FrameWriter::finish() {
     throw Error(outputs_.keypoints_csv.string() + ": could not be written to its end (disk full?)");
 }
 
-void WorstFrames::add(const Pipeline& pipeline, const RgbdFrame& frame, const std::string& stem,
-                      const cv::Mat& truth, const BinaryCounts& counts) {
+void WorstFrames::add(const FrameView& view, const std::string& stem, const cv::Mat& truth,
+                      const BinaryCounts& counts) {
+  const RgbdFrame& frame = view.frame();
   constexpr double kApartS = 0.25;
-  if (count_ == 0 || truth.empty() || !pipeline.uses_front_end()) return;
-  const FrontEnd& front_end = pipeline.front_end();
+  if (count_ == 0 || truth.empty() || !view.uses_front_end()) return;
+  const FrontEnd& front_end = view.front_end();
   Frame worse;
   worse.timestamp = frame.timestamp, worse.stem = stem;
   worse.wrong = static_cast<double>(counts.false_positive + counts.false_negative) /
@@ -90,14 +92,14 @@ void WorstFrames::add(const Pipeline& pipeline, const RgbdFrame& frame, const st
                                [&](const Frame& f) { return f.wrong < worse.wrong; });
   if (at == frames_.end() && frames_.size() >= count_) return;
   std::vector<cv::Point2f> kept;
-  for (int i : pipeline.selection().kept)
-    kept.push_back(pipeline.keypoints()[static_cast<std::size_t>(i)].pt);
+  for (int i : view.selection().kept)
+    kept.push_back(view.keypoints()[static_cast<std::size_t>(i)].pt);
   worse.picture = draw_stages(frame, truth,
                               {{"segmenter", front_end.raw_mask()},
                                {"motion check", front_end.movers_mask()},
                                {"mended", front_end.mended_mask()},
                                {"after depth", front_end.undilated_mask()}},
-                              pipeline.mask(), kept);
+                              view.mask(), kept);
   frames_.insert(at, std::move(worse));
   if (frames_.size() > count_) frames_.pop_back();
 }
@@ -113,18 +115,18 @@ void WorstFrames::finish() const {
   }
 }
 
-void RunRecorder::add(const Pipeline& pipeline, const RgbdFrame& frame, const std::string& stem,
-                      WholePictureJudge& judge) {
+void RunRecorder::add(const FrameView& view, const std::string& stem, WholePictureJudge& judge) {
+  const RgbdFrame& frame = view.frame();
   Record r;
   r.timestamp = frame.timestamp;
-  r.times = pipeline.times();
-  r.tracked = pipeline.pose().has_value();
-  r.keypoints = static_cast<int>(pipeline.keypoints().size());
-  r.kept = static_cast<int>(pipeline.selection().kept.size());
+  r.times = view.times();
+  r.tracked = view.is_tracked();
+  r.keypoints = static_cast<int>(view.keypoints().size());
+  r.kept = static_cast<int>(view.selection().kept.size());
   r.sharpness = sharpness(blur_.measure(frame, {}));
   r.motion_px = std::numeric_limits<double>::quiet_NaN();
-  if (pipeline.uses_front_end()) {
-    const FrameStats& stats = pipeline.stats();
+  if (view.uses_front_end()) {
+    const FrameStats& stats = view.stats();
     r.status = stats.status;
     r.motion_px = stats.blur.motion_px;
     r.restored = stats.restored;
@@ -140,13 +142,13 @@ void RunRecorder::add(const Pipeline& pipeline, const RgbdFrame& frame, const st
     const cv::Mat truth = truth_ = read_mask(truth_file, frame.color.size());
     any_truth_ = r.has_truth = true;
     r.true_share = cv::countNonZero(truth) / static_cast<double>(truth.total());
-    r.tracked_keypoints = compare_keypoints(pipeline.keypoints(), pipeline.selection(), truth);
-    if (pipeline.uses_front_end()) {
-      r.before = compare_masks(pipeline.front_end().raw_mask(), truth);
-      r.after = compare_masks(pipeline.front_end().undilated_mask(), truth);
+    r.tracked_keypoints = compare_keypoints(view.keypoints(), view.selection(), truth);
+    if (view.uses_front_end()) {
+      r.before = compare_masks(view.front_end().raw_mask(), truth);
+      r.after = compare_masks(view.front_end().undilated_mask(), truth);
       r.measured =
-          compare_masks(pipeline.front_end().undilated_mask(), truth, measured_pixels(frame));
-      judge.judge(frame, pipeline.mask());
+          compare_masks(view.front_end().undilated_mask(), truth, measured_pixels(frame));
+      judge.judge(frame, view.mask());
       r.judged_keypoints = compare_keypoints(judge.keypoints(), judge.selection(), truth);
     }
   }

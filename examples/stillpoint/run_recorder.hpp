@@ -9,8 +9,8 @@
 #include <string>
 #include <vector>
 
+#include "frame_view.hpp"
 #include "judge.hpp"
-#include "pipeline.hpp"
 #include "run_job.hpp"
 #include "stillpoint/evaluation/keypoint_metrics.hpp"
 #include "stillpoint/evaluation/mask_metrics.hpp"
@@ -22,8 +22,7 @@ namespace stillpoint::cli {
 class FrameWriter {
  public:
   explicit FrameWriter(const RunOutputs& outputs);
-  void write(const Pipeline& pipeline, const RgbdFrame& frame, const std::string& stem,
-             std::size_t index, WholePictureJudge& judge);
+  void write(const FrameView& view, const std::string& stem, WholePictureJudge& judge);
   /// Throws Error if keypoints.csv could not be written to its end.
   void finish();
 
@@ -42,8 +41,8 @@ class WorstFrames {
   explicit WorstFrames(const RunOutputs& outputs)
       : folder_(outputs.worst_dir), count_(outputs.worst) {}
   /// `truth`: the true mask, empty where there is none; `counts`: the final mask against it.
-  void add(const Pipeline& pipeline, const RgbdFrame& frame, const std::string& stem,
-           const cv::Mat& truth, const BinaryCounts& counts);
+  void add(const FrameView& view, const std::string& stem, const cv::Mat& truth,
+           const BinaryCounts& counts);
   /// Writes 01_STEM.png (the worst) and so on. Throws Error if that is not possible.
   void finish() const;
 
@@ -64,8 +63,7 @@ class RunRecorder {
   /// `truth_dir`: masks_gt, or empty where there is none.
   explicit RunRecorder(std::filesystem::path truth_dir) : truth_dir_(std::move(truth_dir)) {}
 
-  void add(const Pipeline& pipeline, const RgbdFrame& frame, const std::string& stem,
-           WholePictureJudge& judge);
+  void add(const FrameView& view, const std::string& stem, WholePictureJudge& judge);
 
   /// The true mask of the last frame, empty where there is none, and the final one against it.
   const cv::Mat& truth() const { return truth_; }

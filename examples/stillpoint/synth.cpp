@@ -4,6 +4,7 @@
 #include <memory>
 
 #include "commands.hpp"
+#include "files.hpp"
 #include "options.hpp"
 #include "run_job.hpp"
 #include "synthetic/writer.hpp"
