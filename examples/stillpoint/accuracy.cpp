@@ -4,12 +4,16 @@
 #include <cmath>
 #include <utility>
 
+#include "environment.hpp"
 #include "stillpoint/evaluation/bonn_ground_truth.hpp"
+#include "stillpoint/io/trajectory_file.hpp"
+#include "stillpoint/io/tum_sequence.hpp"
 #include "terminal.hpp"
 
 namespace stillpoint::cli {
 namespace {
 
+namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
 /// Aligned estimate and ground truth at the frames' times.
@@ -48,6 +52,17 @@ Accuracy measure_accuracy(const Trajectory& groundtruth, const Trajectory& estim
           rpe(groundtruth, estimate, rpe_settings),
           rpe(groundtruth, estimate, RpeSettings::over_seconds(1)),
           coverage(groundtruth, estimate, frames, kMaxDifferenceS)};
+}
+
+std::optional<std::string> scale_problem(const Accuracy& a) {
+  constexpr double kLeastErrorM = 0.01, kLeastRatio = 1.5, kExplained = 0.3;
+  const double scale = a.ate_sim3.scale;
+  if (!(scale > 0) || std::abs(std::log(scale)) < std::log(kLeastRatio) ||
+      a.ate.rmse_m < kLeastErrorM || a.ate_sim3.rmse_m > kExplained * a.ate.rmse_m)
+    return std::nullopt;
+  return "the estimate is " + fixed(1 / scale, 2) +
+         " times as large as the ground truth, and without that its error would be " +
+         fixed(a.ate_sim3.rmse_m, 4) + " m: is the depth factor (units per metre) right?";
 }
 
 Json to_json(const Accuracy& a) {
@@ -100,7 +115,32 @@ void add_accuracy(Json& stats, Json* series, const Trajectory& groundtruth,
   }
   const Accuracy accuracy = measure_accuracy(groundtruth, estimate, frames, RpeSettings());
   stats["evaluation"] = to_json(accuracy);
+  if (const auto problem = scale_problem(accuracy)) say(*problem);
   if (series) add_paths(*series, groundtruth, estimate, accuracy.ate, frames);
+}
+
+Json judge_estimate(const RunSettings& settings, const fs::path& file) {
+  const TumSequence sequence(settings.sequence);
+  const Trajectory estimate = read_trajectory(file);
+  std::vector<double> times = sequence.timestamps();
+  if (settings.frames > 0 && settings.frames < times.size()) times.resize(settings.frames);
+  if (!sequence.has_groundtruth())
+    throw Error("sequence " + settings.sequence.string() +
+                ": has no groundtruth.txt to judge an estimate by");
+  Json notes = Json::array(), series, stats;
+  stats["frames"] = times.size();
+  stats["tracked"] = associate(times, detail::timestamps_of(estimate)).size();
+  stats["coverage"] = 0.0;
+  for (double t : times) series["t_s"].push_back(std::round((t - times.front()) * 1e6) / 1e6);
+  stats["groundtruth_of"] = settings.groundtruth_of;
+  add_accuracy(stats, &series, camera_groundtruth(sequence.groundtruth(), settings.groundtruth_of),
+               estimate, times, [&](const std::string& text) { notes.push_back(text); });
+  stats["estimate"] = file.string();
+  stats["versions"] = versions_json();
+  stats["machine"] = machine_json();
+  stats["notes"] = notes;
+  stats["series"] = series;
+  return stats;
 }
 
 }  // namespace stillpoint::cli

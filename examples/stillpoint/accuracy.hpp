@@ -4,9 +4,11 @@
 #include <filesystem>
 #include <functional>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "run_job.hpp"
 #include "stillpoint/evaluation/coverage.hpp"
 #include "stillpoint/evaluation/trajectory_error.hpp"
 
@@ -28,6 +30,9 @@ constexpr double kMaxDifferenceS = 0.02;
 Accuracy measure_accuracy(const Trajectory& groundtruth, const Trajectory& estimate,
                           const std::vector<double>& frames, const RpeSettings& rpe_settings);
 
+/// Says when most of the error is one of scale: a wrong depth factor, or a camera without depth.
+std::optional<std::string> scale_problem(const Accuracy& accuracy);
+
 nlohmann::ordered_json to_json(const Accuracy& accuracy);
 
 /// The command of evo (github.com/MichaelGrupp/evo) that gives the same ATE.
@@ -46,5 +51,11 @@ void add_accuracy(nlohmann::ordered_json& stats, nlohmann::ordered_json* series,
                   const Trajectory& groundtruth, const Trajectory& estimate,
                   const std::vector<double>& frames,
                   const std::function<void(const std::string&)>& say);
+
+/// Judges another system's trajectory (TUM format) of a sequence by the same rules, as far as they
+/// apply. Of `settings` it takes sequence, frames and groundtruth_of. Throws Error for bad input
+/// and without ground truth.
+nlohmann::ordered_json judge_estimate(const RunSettings& settings,
+                                      const std::filesystem::path& file);
 
 }  // namespace stillpoint::cli

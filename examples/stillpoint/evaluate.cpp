@@ -56,6 +56,8 @@ void evaluate(const EvaluateOptions& options) {
   const Accuracy accuracy = measure_accuracy(
       groundtruth, estimate, frames.times,
       options.rpe_seconds > 0 ? RpeSettings::over_seconds(options.rpe_seconds) : RpeSettings());
+  if (const auto problem = scale_problem(accuracy))
+    std::fprintf(stderr, "stillpoint: warning: %s\n", problem->c_str());
   if (options.json) {
     auto json = to_json(accuracy);
     json["frames_from"] = frames.source.empty() ? "guess" : frames.source;

@@ -31,7 +31,8 @@ class FrameView {
   const DynamicMask& mask() const { return tracked_.mask; }
   const std::vector<cv::KeyPoint>& keypoints() const { return tracked_.keypoints; }
   const Selection& selection() const { return tracked_.selection; }
-  bool is_tracked() const { return tracked_.T_world_camera.has_value(); }
+  const std::optional<Eigen::Isometry3d>& pose() const { return tracked_.T_world_camera; }
+  bool is_tracked() const { return pose().has_value(); }
   bool uses_front_end() const { return front_end_ != nullptr; }
   const FrontEnd& front_end() const { return *front_end_; }
   const FrameStats& stats() const { return front_end_->stats(); }

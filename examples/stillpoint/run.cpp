@@ -5,6 +5,7 @@
 
 #include "accuracy.hpp"
 #include "commands.hpp"
+#include "files.hpp"
 #include "options.hpp"
 #include "run_job.hpp"
 #include "systems.hpp"
@@ -31,6 +32,7 @@ std::string settings_line(const RunSettings& s, bool segmenter_was_open) {
     return "front end off: every keypoint goes to the tracker" + tracker;
   }
   std::string line = "front end on, preset " + s.preset;
+  if (!s.settings_file.empty()) line += ", " + s.settings_file.string();
   for (const std::string& text : s.changed) line += ", " + text;
   for (const std::string& stage : s.without) line += ", without " + stage;
   line += "; segmenter " + s.segmenter;
@@ -47,9 +49,8 @@ std::string settings_line(const RunSettings& s, bool segmenter_was_open) {
 
 /// Everything that a run may write.
 const char* const kResults[] = {
-    "trajectory.txt", "trajectory_online.txt", "groundtruth.txt", "stats.json",
-    "map.ply",        "keypoints.csv",         "masks",           "overlays",
-    "worst"};
+    "trajectory.txt", "trajectory_online.txt", "groundtruth.txt", "stats.json", "settings.yaml",
+    "map.ply",        "keypoints.csv",         "masks",           "overlays",   "worst"};
 
 /// Where a result stands until the run is done.
 fs::path partial(const fs::path& result) { return result.string() + ".partial"; }
@@ -70,6 +71,7 @@ void put_in_place(const fs::path& result) {
 void run(RunCommand command) {
   RunSettings& settings = command.settings;
   const bool segmenter_was_open = settings.segmenter.empty();
+  load_settings(settings);
   // Bad input is said before anything is written.
   const TumSequence sequence = open_sequence(settings.sequence, settings.camera);
   if (sequence.has_groundtruth()) sequence.groundtruth();
@@ -120,6 +122,10 @@ void run(RunCommand command) {
           std::fprintf(stderr, "stillpoint: warning: %s\n", note.c_str());
         });
     write_json(partial(command.out / "stats.json"), stats);
+    // Without the run's seed: the file and the same options give the same run again.
+    RunSettings unseeded = settings;
+    unseeded.seed = 0;
+    write_settings(partial(command.out / "settings.yaml"), front_end_settings(unseeded));
   } catch (const std::exception& e) {
     if (fs::exists(outputs.trajectory))
       throw Error(std::string(e.what()) + "; what was tracked before it is in " +
@@ -143,10 +149,14 @@ void run(RunCommand command) {
                     command.out / "trajectory.txt")
             .c_str());
   std::printf(
-      "written     %s: trajectory.txt, trajectory_online.txt, stats.json, map.ply%s%s%s%s\n",
+      "written     %s: trajectory.txt, trajectory_online.txt, stats.json, settings.yaml, "
+      "map.ply%s%s%s%s\n",
       command.out.string().c_str(), command.save_masks ? ", masks/" : "",
       command.save_keypoints ? ", keypoints.csv" : "",
       command.overlay_every > 0 ? ", overlays/" : "", command.worst > 0 ? ", worst/" : "");
+  if (stats["tracked"] == 0)
+    throw Error("no frame was tracked; are camera, depth factor and mask right? " +
+                (command.out / "stats.json").string() + " tells what is known");
 }
 
 }  // namespace
@@ -163,10 +173,7 @@ void add_run_command(CLI::App& app) {
       ->required()
       ->type_name("DIR");
   add_system_options(command, s);
-  choices(command->add_option("--preset", s.preset,
-                              "network_only: without the motion check  [default]"),
-          {"default", "network_only", "paper"})
-      ->transform(renamed({{"motion", "default"}}));
+  add_preset_option(command, s);
   choices(command->add_option_function<std::string>(
               "--front-end", [&s](const std::string& value) { s.front_end = value == "on"; },
               "off: the tracker alone, for comparison  [on]"),
@@ -231,6 +238,8 @@ Examples:
   stillpoint run walk --model FastestDet.onnx --out out     a network, and no masks on the disk
   stillpoint run walk --model yolo.onnx --async --out out   beside the camera, as on a robot
   stillpoint run walk --out out --real-time-rate            as on a robot: late frames are dropped
+  stillpoint run walk --out out --set dilation_px=5         another value for a setting
+  stillpoint run walk --out again --settings out/settings.yaml   as that run was set
   stillpoint run walk --out out --save-overlays 10          pictures of every tenth frame
 
 Presets: default is ours, with the motion check, which finds what moves although no segmenter names
@@ -243,11 +252,12 @@ a missing file that there is no result for this frame, and its masks are predict
 Results in DIR: trajectory.txt (TUM format: timestamp tx ty tz qx qy qz qw, seconds and metres, one
 line per tracked frame, as the whole map knows it in the end), trajectory_online.txt (the same as each
 frame had it at its time, which is what a robot acts on), stats.json (coverage, errors, ms per stage,
-status counts, settings, versions), map.ply (colored points of the static world), and what --save-...
-asks for. They take the place of an earlier run's when the run is done; one that breaks off leaves
-what was tracked so far in trajectory.txt.partial. Overlays: kept keypoints green, removed ones red,
-the mask's edge yellow. With groundtruth.txt in SEQUENCE the error is computed, with masks_gt/ masks
-and keypoints are judged, with both the map's ghosts of people.
+status counts, settings, versions), settings.yaml (all settings of the front end as used; --settings
+takes it), map.ply (colored points of the static world), and what --save-... asks for. They take the
+place of an earlier run's when the run is done; one that breaks off leaves what was tracked so far in
+trajectory.txt.partial. Overlays: kept keypoints green, removed ones red, the mask's edge yellow. With
+groundtruth.txt in SEQUENCE the error is computed, with masks_gt/ masks and keypoints are judged, with
+both the map's ghosts of people.
 --real-time-rate: the clock stands still while pictures are read and results judged (not with
 --async); the tracker slam maps in threads of its own, so runs differ a little.)");
   command->callback([options] { run(*options); });

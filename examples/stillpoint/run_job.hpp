@@ -8,6 +8,8 @@
 #include <string>
 #include <vector>
 
+#include "settings_file.hpp"
+
 namespace stillpoint::cli {
 
 /// Everything that decides what a run computes.
@@ -44,9 +46,11 @@ struct RunSettings {
   std::size_t frames = 0;
   /// The sensor's model (see sensor_names()); empty: the preset's.
   std::string sensor;
-  /// NAME=VALUE: settings of the preset changed.
+  /// Settings of the preset changed: a file's (see load_settings()), then by NAME=VALUE.
+  std::filesystem::path settings_file;
+  SettingsFile from_file;
   std::vector<std::string> changed;
-  /// One more setting changed (see change_setting()); empty: none.
+  /// One more setting changed (see set_setting()); empty: none.
   std::string varied;
   double varied_value = 0;
   /// 0: the presets' own seeds; any other value is added to them, and a hundredth of the kept
@@ -89,12 +93,6 @@ nlohmann::ordered_json run_job(
     const std::function<void(std::size_t done, std::size_t total)>& progress,
     const std::function<void(const std::string& note)>& note = [](const std::string&) {});
 
-/// Judges another system's trajectory (TUM format) of a sequence by the same rules, as far as they
-/// apply. Of `settings` it takes sequence, frames and groundtruth_of. Throws Error for bad input
-/// and without ground truth.
-nlohmann::ordered_json judge_estimate(const RunSettings& settings,
-                                      const std::filesystem::path& file);
-
 /// Names that --segmenter and --tracker take in this build.
 std::vector<std::string> segmenter_names();
 std::vector<std::string> tracker_names();
@@ -102,16 +100,5 @@ std::string default_tracker();
 
 /// The lines that `stillpoint run` prints of a result.
 std::string summary_text(const nlohmann::ordered_json& stats);
-
-/// Program and library versions, and the machine, for stats and tables.
-nlohmann::ordered_json versions_json();
-nlohmann::ordered_json machine_json();
-
-/// Writes `json` (indented, numbers that are not finite as null) by way of a temporary file, so
-/// that a killed program never leaves half a file. Throws Error if that fails.
-void write_json(const std::filesystem::path& path, const nlohmann::ordered_json& json);
-
-/// Makes a folder and its parents. Throws Error if that fails.
-void make_folder(const std::filesystem::path& path);
 
 }  // namespace stillpoint::cli

@@ -33,11 +33,22 @@ void add_accuracy(Lines& lines, const Json& stats) {
                           stats["coverage_of"].get<std::string>());
   if (stats.contains("evaluation")) {
     const Json& e = stats["evaluation"];
-    lines.add("ATE [m]", "RMSE " + fixed(number_at(e, "ate_rmse_m"), 4) + "  S.D. " +
-                             fixed(number_at(e, "ate_sd_m"), 4) + "  max " +
-                             fixed(number_at(e, "ate_max_m"), 4));
+    lines.add("ATE [m]",
+              "RMSE " + fixed(number_at(e, "ate_rmse_m"), 4) + "  S.D. " +
+                  fixed(number_at(e, "ate_sd_m"), 4) + "  max " +
+                  fixed(number_at(e, "ate_max_m"), 4) + "  aligned in SE(3), ground truth of the " +
+                  stats.value("groundtruth_of", "camera"));
+    if (stats.contains("evaluation_online"))
+      lines.add("  online",
+                "RMSE " + fixed(number_at(stats["evaluation_online"], "ate_rmse_m"), 4) +
+                    " of the poses as each frame had them at its time");
+    lines.add("  Sim(3)", "RMSE " + fixed(number_at(e, "ate_sim3_rmse_m"), 4) +
+                              " with the scale aligned, too (by " +
+                              fixed(number_at(e, "scale"), 4) + ")");
     lines.add("RPE", fixed(number_at(e, "rpe_trans_m"), 4) + " m, " +
-                         fixed(number_at(e, "rpe_rot_deg"), 3) + " deg from frame to frame");
+                         fixed(number_at(e, "rpe_rot_deg"), 3) + " deg from frame to frame; " +
+                         fixed(number_at(e, "rpe_1s_trans_m"), 4) + " m, " +
+                         fixed(number_at(e, "rpe_1s_rot_deg"), 3) + " deg over a second");
   }
   if (covered < kCoverageFloor)
     lines.add("", "FAILED: under 95 % coverage; an error over the rest says little");

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <limits>
 
 #include "stillpoint/io/tum_sequence.hpp"
@@ -25,17 +26,16 @@ TEST(DepthCheck, SaysNothingWhenDepthMakesSense) {
   EXPECT_FALSE(check_depth_scale(frame_of(CV_16UC1, 10000, 5000)));
   EXPECT_FALSE(check_depth_scale(frame_of(CV_16UC1, 2000, 1000)));
   EXPECT_FALSE(check_depth_scale(frame_of(CV_32FC1, 2.5, 5000)));
-  EXPECT_DOUBLE_EQ(*median_depth_m(frame_of(CV_16UC1, 10000, 5000)), 2.0);
 }
 
 TEST(DepthCheck, CallsOutAWrongFactorAndNamesABetterOne) {
   const auto near = check_depth_scale(frame_of(CV_16UC1, 400, 5000));  // 0.08 m
   ASSERT_TRUE(near);
-  EXPECT_NE(near->find("0.08 m"), std::string::npos) << *near;
+  EXPECT_NE(near->find("nearer than 0.08 m"), std::string::npos) << *near;
   EXPECT_NE(near->find("5000 is likely wrong"), std::string::npos) << *near;
   const auto far = check_depth_scale(frame_of(CV_16UC1, 10000, 1));
   ASSERT_TRUE(far);
-  EXPECT_NE(far->find("10000 m"), std::string::npos) << *far;
+  EXPECT_NE(far->find("nearer than 10000 m"), std::string::npos) << *far;
   EXPECT_NE(far->find("5000 would give 2 m"), std::string::npos) << *far;
   const auto millimetres = check_depth_scale(frame_of(CV_16UC1, 1500, 20000));
   ASSERT_TRUE(millimetres);
@@ -54,17 +54,97 @@ TEST(DepthCheck, JudgesByMeasurementsOnly) {
   EXPECT_FALSE(check_depth_scale(mostly_far));
 }
 
-TEST(DepthCheck, OfARealFrame) {
-  const std::filesystem::path folder = STILLPOINT_SHARED_DATA "/real/fr1_desk";
-  if (!std::filesystem::exists(folder)) GTEST_SKIP() << "no " << folder;
-  RgbdFrame frame = stillpoint::TumSequence(folder).load(0);
+// Stored in units of 1 / `units` m: a wall at 1.2 to 3.6 m.
+RgbdFrame slanted_wall(double units, double given, double timestamp) {
+  RgbdFrame frame;
+  frame.timestamp = timestamp;
+  frame.color = cv::Mat::zeros(120, 160, CV_8UC3);
+  frame.depth.create(120, 160, CV_16UC1);
+  for (int y = 0; y < 120; ++y)
+    for (int x = 0; x < 160; ++x)
+      frame.depth.at<std::uint16_t>(y, x) = cv::saturate_cast<std::uint16_t>(
+          std::round(1000 * (1.2 + x * 0.015 + y * 0.0001)) * units / 1000);
+  frame.depth_units_per_m = given;
+  return frame;
+}
+
+TEST(DepthScaleCheck, TellsTheFactorsInUseApart) {
+  for (const double units : {5000.0, 1000.0})
+    for (const double given : {5000.0, 1000.0, 1.0}) {
+      stillpoint::DepthScaleCheck check;
+      for (int i = 0; i < 40; ++i) check.add(slanted_wall(units, given, 5 + i / 30.0));
+      EXPECT_TRUE(check.is_over(6.1));
+      const auto problem = check.problem();
+      EXPECT_EQ(problem.has_value(), units != given) << units << " " << given;
+      if (!problem) continue;
+      EXPECT_NE(problem->find(units == 5000 ? "; 5000 would give" : "; 1000 would give"),
+                std::string::npos)
+          << *problem;
+    }
+}
+
+TEST(DepthScaleCheck, BelievesWholeMillimetresTimesFive) {
+  // A table top before an arm, 0.3 to 0.5 m: too near for 5000, were it not for the values.
+  RgbdFrame frame;
+  frame.color = cv::Mat::zeros(120, 160, CV_8UC3);
+  frame.depth.create(120, 160, CV_16UC1);
+  for (int y = 0; y < 120; ++y)
+    for (int x = 0; x < 160; ++x)
+      frame.depth.at<std::uint16_t>(y, x) = static_cast<std::uint16_t>(5 * (300 + x + y / 3));
+  frame.depth_units_per_m = 5000;
   EXPECT_FALSE(check_depth_scale(frame));
-  for (const double wrong : {1.0, 100000.0}) {
-    frame.depth_units_per_m = wrong;
-    const auto message = check_depth_scale(frame);
-    ASSERT_TRUE(message) << wrong;
-    EXPECT_NE(message->find(": 5000 would give"), std::string::npos) << *message;
+  frame.depth += 1;
+  EXPECT_TRUE(check_depth_scale(frame));
+}
+
+TEST(DepthScaleCheck, LooksAtPeople) {
+  // A wall at 6 m by the given factor, at 1.2 m by another: who stands before it decides.
+  stillpoint::Camera camera;
+  camera.fx = camera.fy = 100, camera.cx = 80, camera.cy = 60;
+  RgbdFrame frame = frame_of(CV_16UC1, 900, 1000);
+  frame.color = cv::Mat::zeros(120, 160, CV_8UC3);
+  frame.depth = cv::Mat(120, 160, CV_16UC1, cv::Scalar(6000));
+  stillpoint::Instance person;
+  person.class_name = "person", person.box = cv::Rect(60, 10, 40, 100);
+  stillpoint::DepthScaleCheck alone(camera), with_person(camera);
+  alone.add(frame);
+  with_person.add(frame, {person});
+  ASSERT_FALSE(alone.problem());
+  ASSERT_TRUE(with_person.problem());
+  EXPECT_NE(with_person.problem()->find("people are 6 m tall"), std::string::npos);
+  EXPECT_NE(with_person.problem()->find("5000 would give 1.2 m"), std::string::npos);
+}
+
+TEST(DepthScaleCheck, OfRealAndRenderedSequences) {
+  int found = 0;
+  for (const char* name : {"real/fr1_desk", "real/fr1_rpy_fast", "real/confusao",
+                           "rendered/walking_xyz", "rendered/crowd_rpy"}) {
+    const std::filesystem::path folder = std::string(STILLPOINT_SHARED_DATA "/") + name;
+    if (!std::filesystem::exists(folder)) continue;
+    ++found;
+    const stillpoint::TumSequence sequence(folder);
+    const double right = sequence.camera() ? sequence.camera()->depth_units_per_m : 5000;
+    for (std::size_t begin = 0; begin < sequence.size(); begin += 30) {
+      std::vector<RgbdFrame> second;
+      for (std::size_t i = begin; i < std::min(begin + 30, sequence.size()); i += 6)
+        second.push_back(sequence.load(i));
+      for (const double given : {5000.0, 1000.0, 1.0}) {
+        stillpoint::DepthScaleCheck check;
+        for (RgbdFrame& frame : second) {
+          frame.depth_units_per_m = given;
+          check.add(frame);
+        }
+        const auto problem = check.problem();
+        EXPECT_EQ(problem.has_value(), given != right)
+            << name << " from frame " << begin << " with " << given << ": " << problem.value_or("");
+        const std::string would = right == 5000 ? "; 5000 would give" : "; 1000 would give";
+        if (problem) {
+          EXPECT_NE(problem->find(would), std::string::npos) << *problem;
+        }
+      }
+    }
   }
+  if (found == 0) GTEST_SKIP() << "no sequences in " << STILLPOINT_SHARED_DATA;
 }
 
 }  // namespace
