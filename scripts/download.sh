@@ -172,5 +172,5 @@ download_sequences() { # SET
   done
   local next="stillpoint bench --paper $to"
   [[ $set != wild_slam ]] || next="stillpoint bench $to/*"
-  echo "Next: masks of your network (stillpoint segment --help), then $next"
+  echo "Next: masks of your network (stillpoint mask --help), then $next"
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include <algorithm>
 #include <cstdio>
+#include <map>
 #include <memory>
 
 #include "bench_paper.hpp"
@@ -9,9 +10,11 @@
 #include "bench_run.hpp"
 #include "bench_summary.hpp"
 #include "commands.hpp"
+#include "files.hpp"
 #include "options.hpp"
 #include "stillpoint/core/error.hpp"
 #include "stillpoint/io/text_file.hpp"
+#include "systems.hpp"
 #include "terminal.hpp"
 
 namespace stillpoint::cli {
@@ -61,9 +64,21 @@ std::string text_of(const Table& table) {
   return text.text();
 }
 
-/// Makes table, CSV, JSON and page of the plan's results in these folders.
-void write_page(const std::vector<fs::path>& folders, const Json& plan, bool partial,
-                const fs::path& out) {
+/// The result files of the runs that ended in error.
+std::vector<std::string> broken_runs(const std::vector<Json>& results, const Json& plan) {
+  std::vector<std::string> files;
+  for (const Json& result : results) {
+    if (result.contains("stats")) continue;
+    for (const Json& run : plan["runs"])
+      if (run["job"] == result["job"]) files.push_back(run["file"].get<std::string>());
+  }
+  return files;
+}
+
+/// Makes table, CSV, JSON and page of the plan's results in these folders. Returns the runs that
+/// ended in error, whose rows are marked.
+std::vector<std::string> write_page(const std::vector<fs::path>& folders, const Json& plan,
+                                    bool partial, const fs::path& out) {
   std::vector<std::string> missing;
   const std::vector<Json> results = read_results(folders, plan, missing);
   const std::string lack = std::to_string(missing.size()) + " of " +
@@ -89,6 +104,7 @@ void write_page(const std::vector<fs::path>& folders, const Json& plan, bool par
   if (!tables.empty()) std::printf("\n%s", paper_legend());
   if (!missing.empty()) std::printf("\nincomplete: %s\n", lack.c_str());
   std::printf("\nwritten: %s, results.csv, results.json\n", (out / "index.html").string().c_str());
+  return broken_runs(results, plan);
 }
 
 /// One sequence may lack a folder of masks; a name that none has is mistyped.
@@ -119,16 +135,44 @@ void check_options(const BenchOptions& options) {
                                               options.plan.sequences.front().string());
 }
 
+/// Rows of two presets that --settings or --set made one would be equal without a word.
+void check_presets_differ(const std::vector<BenchJob>& jobs) {
+  std::map<std::string, std::string> presets;  // by all their settings
+  for (const BenchJob& job : jobs) {
+    if (!job.estimate.empty() || !job.settings.front_end || !job.settings.varied.empty()) continue;
+    RunSettings settings = job.settings;
+    settings.without.clear(), settings.seed = 0;
+    const std::string& preset =
+        presets.emplace(all_settings(front_end_settings(settings)).dump(), settings.preset)
+            .first->second;
+    if (preset != settings.preset)
+      throw Error("--settings, --set: expected settings that leave the presets " + preset +
+                  " and " + settings.preset +
+                  " different, found none that differs; take one of them by --variants");
+  }
+}
+
+void merge(const BenchOptions& options) {
+  const Json plan = common_plan(options.merge);
+  const std::vector<std::string> broken =
+      write_page(options.merge, plan, options.partial, options.how.out);
+  if (broken.empty()) return;
+  throw Error("bench --merge: " + std::to_string(broken.size()) + " of " +
+              std::to_string(plan["runs"].size()) +
+              " runs ended in error, and their rows are marked: " + some_of(broken) +
+              "; run their shards again");
+}
+
 void bench(const BenchOptions& options) {
   check_options(options);
-  if (!options.merge.empty())
-    return write_page(options.merge, common_plan(options.merge), options.partial, options.how.out);
+  if (!options.merge.empty()) return merge(options);
   const Shard shard = options.shard.empty() ? Shard() : parse_shard(options.shard);
   std::vector<std::string> notes;
   if (options.paper.empty()) check_masks_folders(options.plan);
   std::vector<BenchJob> all = options.paper.empty()
                                   ? make_jobs(options.plan, notes)
                                   : make_paper_jobs(options.plan, options.paper, notes);
+  check_presets_differ(all);
   add_keys(all);
   std::vector<BenchJob> jobs;
   for (std::size_t i = shard.index; i < all.size(); i += shard.count) jobs.push_back(all[i]);

@@ -175,7 +175,7 @@ std::vector<Json> read_results(const std::vector<fs::path>& folders, const Json&
   const std::size_t shards = plan["shards"];
   std::size_t index = 0;
   for (const Json& run : plan["runs"]) {
-    bool found = false;
+    Json best;  // two shards may both hold a run: one that ended in error does not count for more
     for (const fs::path& folder : folders) {
       const fs::path file = folder / run["file"].get<std::string>();
       std::ifstream in(file);
@@ -186,11 +186,12 @@ std::vector<Json> read_results(const std::vector<fs::path>& folders, const Json&
                     ": expected the result of a run, found something else; delete it");
       if (json["job"] != run["job"]) continue;
       json["folder"] = file.parent_path().string();
-      results.push_back(std::move(json));
-      found = true;
-      break;  // two shards may both hold a run, the same one
+      if (best.is_null() || json.contains("stats")) best = std::move(json);
+      if (best.contains("stats")) break;
     }
-    if (!found)
+    if (!best.is_null())
+      results.push_back(std::move(best));
+    else
       missing.push_back(run["file"].get<std::string>() +
                         (shards > 1 ? " (shard " + std::to_string(index % shards) + "/" +
                                           std::to_string(shards) + ")"

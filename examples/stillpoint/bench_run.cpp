@@ -15,6 +15,7 @@
 
 #include "accuracy.hpp"
 #include "bench_results.hpp"
+#include "files.hpp"
 #include "stillpoint/core/error.hpp"
 #include "terminal.hpp"
 

@@ -14,6 +14,7 @@ std::string& command_line();
 void add_synth_command(CLI::App& app);
 void add_run_command(CLI::App& app);
 void add_evaluate_command(CLI::App& app);
+void add_mask_command(CLI::App& app);
 void add_segment_command(CLI::App& app);
 void add_bench_command(CLI::App& app);
 

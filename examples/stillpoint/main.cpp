@@ -75,12 +75,16 @@ A first try, without any data:
 With TUM RGB-D data (rgb.txt, depth.txt, groundtruth.txt) and masks of your network in masks/:
   stillpoint run rgbd_dataset_freiburg3_walking_xyz --camera fr3 --out out
 
+Masks for another system (COLMAP, nerfstudio, your own), without SLAM:
+  stillpoint mask photos --model yolov8n-seg_headless.onnx --format colmap --out masks
+
 `stillpoint COMMAND --help` tells the rest. Distances are metres, times seconds (where a name does
 not say ms), pictures 8-bit PNG or JPEG, masks 8-bit PNG with 0 = static background.)");
 
   stillpoint::cli::add_synth_command(app);
   stillpoint::cli::add_run_command(app);
   stillpoint::cli::add_evaluate_command(app);
+  stillpoint::cli::add_mask_command(app);
   stillpoint::cli::add_segment_command(app);
   stillpoint::cli::add_bench_command(app);
 
@@ -90,7 +94,7 @@ not say ms), pictures 8-bit PNG or JPEG, masks 8-bit PNG with 0 = static backgro
       std::none_of(known.begin(), known.end(),
                    [&](const CLI::App* command) { return command->check_name(argv[1]); }))
     return fail("unknown command \"" + std::string(argv[1]) +
-                    "\"; expected synth, run, evaluate, segment or bench (see `stillpoint --help`)",
+                    "\"; expected synth, run, evaluate, mask or bench (see `stillpoint --help`)",
                 2);
   try {
     app.parse(argc, argv);

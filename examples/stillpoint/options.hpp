@@ -53,13 +53,22 @@ inline void add_groundtruth_option(CLI::App* command, std::string& of) {
       {"camera", "body"});
 }
 
-/// The options that `run` and `bench` share: what the front end is to be like.
+/// The option that `run` and `mask` share: which settings to start from.
+inline void add_preset_option(CLI::App* command, RunSettings& s) {
+  choices(command->add_option("--preset", s.preset,
+                              "network_only: without the motion check  [default]"),
+          {"default", "network_only", "paper"})
+      ->transform(renamed({{"motion", "default"}}));
+}
+
+/// The options that `run`, `mask` and `bench` share: what the front end is to be like.
 inline void add_front_end_options(CLI::App* command, RunSettings& s) {
   choices(command->add_option("--sensor", s.sensor, "What the depth is worth  [kinect_v1]"),
           sensor_names());
   command
       ->add_option("--set", s.changed,
-                   "Another value for a setting: depth.dilation_px=5; may be given again")
+                   "Another value for a setting: depth.dilation_px=5; may be given again,\n"
+                   "and wins over --settings")
       ->allow_extra_args(false)
       ->check(CLI::Validator(
           [](std::string& text) {
@@ -72,10 +81,14 @@ inline void add_front_end_options(CLI::App* command, RunSettings& s) {
             return std::string();
           },
           ""))
-      ->type_name("NAME=N");
+      ->type_name("NAME=VALUE");
+  command
+      ->add_option("--settings", s.settings_file,
+                   "YAML file of settings by the same names, as run writes it: settings.yaml")
+      ->type_name("FILE");
 }
 
-/// The options that `run` and `segment` share: where pictures and masks come from.
+/// The options that `run` and `mask` share: where pictures and masks come from.
 inline void add_system_options(CLI::App* command, RunSettings& s) {
   command
       ->add_option("--camera", s.camera,

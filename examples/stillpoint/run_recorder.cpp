@@ -146,8 +146,7 @@ void RunRecorder::add(const FrameView& view, const std::string& stem, WholePictu
     if (view.uses_front_end()) {
       r.before = compare_masks(view.front_end().raw_mask(), truth);
       r.after = compare_masks(view.front_end().undilated_mask(), truth);
-      r.measured =
-          compare_masks(view.front_end().undilated_mask(), truth, measured_pixels(frame));
+      r.measured = compare_masks(view.front_end().undilated_mask(), truth, measured_pixels(frame));
       judge.judge(frame, view.mask());
       r.judged_keypoints = compare_keypoints(judge.keypoints(), judge.selection(), truth);
     }

@@ -33,15 +33,15 @@ void add_accuracy(Lines& lines, const Json& stats) {
                           stats["coverage_of"].get<std::string>());
   if (stats.contains("evaluation")) {
     const Json& e = stats["evaluation"];
-    lines.add("ATE [m]",
-              "RMSE " + fixed(number_at(e, "ate_rmse_m"), 4) + "  S.D. " +
-                  fixed(number_at(e, "ate_sd_m"), 4) + "  max " +
-                  fixed(number_at(e, "ate_max_m"), 4) + "  aligned in SE(3), ground truth of the " +
-                  stats.value("groundtruth_of", "camera"));
+    lines.add("ATE [m]", "RMSE " + fixed(number_at(e, "ate_rmse_m"), 4) + "  S.D. " +
+                             fixed(number_at(e, "ate_sd_m"), 4) + "  max " +
+                             fixed(number_at(e, "ate_max_m"), 4) +
+                             "  aligned in SE(3), ground truth of the " +
+                             stats.value("groundtruth_of", "camera"));
     if (stats.contains("evaluation_online"))
-      lines.add("  online",
-                "RMSE " + fixed(number_at(stats["evaluation_online"], "ate_rmse_m"), 4) +
-                    " of the poses as each frame had them at its time");
+      lines.add("  online", "RMSE " +
+                                fixed(number_at(stats["evaluation_online"], "ate_rmse_m"), 4) +
+                                " of the poses as each frame had them at its time");
     lines.add("  Sim(3)", "RMSE " + fixed(number_at(e, "ate_sim3_rmse_m"), 4) +
                               " with the scale aligned, too (by " +
                               fixed(number_at(e, "scale"), 4) + ")");

@@ -80,6 +80,35 @@ TEST_F(Cli, BenchShardsAreMerged) {
   expect_error("bench walk --partial --out lacking", 2, "--merge");
 }
 
+TEST_F(Cli, BenchMergesRunsThatEndedInError) {
+  const std::string command =
+      "bench walk --tracker vo --frames 4 --variants off,default --runs 2 --shard ";
+  for (const char* shard : {"0/2 --out err0", "1/2 --out err1"})
+    ASSERT_EQ(run(command + shard).code, 0) << shard;
+  fs::copy(path("err1"), path("err1_good"), fs::copy_options::recursive);
+  const fs::path file = path("err1") / "runs/walk/off.1.json";
+  // In the order of the keys, which the merge compares.
+  auto result = nlohmann::ordered_json::parse(text_of(file));
+  result.erase("stats");
+  result["error"] = "the disk was full";
+  std::ofstream(file) << result.dump();
+
+  // The table is there, the row is marked, its error is of the other run, and the exit code says
+  // so.
+  const Result r = run("bench --merge err0 err1 --out err_merged");
+  EXPECT_EQ(r.code, 1) << r.out;
+  EXPECT_NE(r.err.find("1 of 4 runs ended in error"), std::string::npos) << r.err;
+  EXPECT_NE(r.err.find("runs/walk/off.1.json"), std::string::npos) << r.err;
+  EXPECT_NE(r.out.find("the disk was full"), std::string::npos) << r.out;
+  for (const Json& row : json_of(path("err_merged") / "results.json")["rows"])
+    EXPECT_EQ(row["failed"], row["variant"] == "off" ? "error" : "");
+  // A good result of the same run counts, in whatever order the folders come.
+  for (const std::string folders : {"err0 err1 err1_good", "err0 err1_good err1"}) {
+    const Result good = run("bench --merge " + folders + " --out err_mended");
+    EXPECT_EQ(good.code, 0) << good.err;
+  }
+}
+
 TEST_F(Cli, BenchMergesNoMixture) {
   const std::string command = "bench walk --tracker vo --frames 4 --variants off --runs 2 --shard ";
   for (const char* shard : {"0/2 --out mix0", "1/2 --out mix1"})

@@ -2,6 +2,7 @@
 //
 // Drives the built program as a user would: exit codes, messages, files.
 
+#include <cmath>
 #include <cstdio>
 #include <opencv2/imgproc.hpp>
 #include <sstream>
@@ -15,9 +16,9 @@ namespace {
 TEST_F(Cli, HelpTeaches) {
   const Result all = run("--help");
   EXPECT_EQ(all.code, 0);
-  for (const char* word : {"synth", "run", "evaluate", "segment", "bench", "metres"})
+  for (const char* word : {"synth", "run", "evaluate", "mask", "bench", "metres"})
     EXPECT_NE(all.out.find(word), std::string::npos) << word;
-  for (const char* command : {"synth", "run", "evaluate", "segment", "bench"}) {
+  for (const char* command : {"synth", "run", "evaluate", "mask", "bench"}) {
     const Result r = run(std::string(command) + " --help");
     EXPECT_EQ(r.code, 0) << command;
     EXPECT_NE(r.out.find("Example"), std::string::npos) << command;
@@ -57,7 +58,7 @@ TEST_F(Cli, BadInputIsNamed) {
   expect_error("run walk --out walk/rgb.txt", 1, "rgb.txt");
   expect_error("evaluate --groundtruth walk/groundtruth.txt --estimate nowhere", 1, "nowhere");
   expect_error("evaluate --groundtruth walk/groundtruth.txt --estimate walk/rgb.txt", 1, "line");
-  expect_error("segment walk --segmenter none --out masks", 1, "--segmenter");
+  expect_error("mask walk --network-only --segmenter none --out masks", 1, "needs a segmenter");
   expect_error("bench nowhere --out b", 1, "nowhere");
   expect_error("bench --merge nowhere --out b", 1, "nowhere");
 
@@ -97,11 +98,63 @@ TEST_F(Cli, SettingsAreChangedByTheirNames) {
   const std::string start = "run walk --out b --set ";
   expect_error(start + "dilaton_px=3", 2, "nearest is depth.dilation_px");
   expect_error(start + "growth_m=3", 2, "depth.growth_m and motion.movers.growth_m");
-  expect_error(start + "dilation_px=2.5", 2, "a whole number, found 2.5");
-  expect_error(start + "use_motion=2", 2, "true or false, found 2");
-  expect_error(start + "dilation_px", 2, "NAME=NUMBER");
+  expect_error(start + "dilation_px=2.5", 2, "a whole number, found \"2.5\"");
+  expect_error(start + "use_motion=2", 2, "true or false, found \"2\"");
+  expect_error(start + "dilation_px", 2, "NAME=VALUE");
+  expect_error(start + "depth.method=literal", 2, "paper or connected");
   expect_error(start + "dilation_px=-1", 1, "dilation_px");
   expect_error("run walk --out b --sensor kinect", 2, "realsense_d400");
+}
+
+TEST_F(Cli, SettingsComeFromAFileAndGoIntoOne) {
+  const auto settings = [&](const std::string& options, const std::string& out) {
+    const Result r = run("run walk --tracker vo --frames 3 --out " + out + " " + options);
+    EXPECT_EQ(r.code, 0) << r.err;
+    return json_of(path(out) / "stats.json")["settings"];
+  };
+  std::ofstream(path("mine.yaml")) << "depth:\n  dilation_px: 5\n  method: paper\n"
+                                      "motion.movers: {min_moved_cells: 9}\n"
+                                      "threshold: 0.3\nsensor.max_range_m: 6\n"
+                                      "dynamic_classes: [[person, 0.75]]\n";
+  const Json mine = settings("--settings mine.yaml --set depth.dilation_px=7 --seed 3", "mine");
+  EXPECT_EQ(mine["all"]["depth.dilation_px"], 7);  // --set wins
+  EXPECT_EQ(mine["all"]["depth.method"], "paper");
+  EXPECT_EQ(mine["all"]["motion.movers.min_moved_cells"], 9);
+  EXPECT_NEAR(mine["all"]["probability.threshold"], 0.3, 1e-6);
+  EXPECT_EQ(mine["all"]["sensor.max_range_m"], 6);
+  EXPECT_EQ(mine["dynamic_classes"]["person"], 0.75);
+  EXPECT_EQ(mine["settings_file"], "mine.yaml");
+
+  // What a run writes gives the same settings, and the same file, over any preset.
+  const Json again = settings("--preset paper --settings mine/settings.yaml --seed 3", "again");
+  EXPECT_EQ(again["all"], mine["all"]);
+  EXPECT_EQ(again["dynamic_classes"], mine["dynamic_classes"]);
+  EXPECT_EQ(text_of(path("again") / "settings.yaml"), text_of(path("mine") / "settings.yaml"));
+  EXPECT_EQ(text_of(path("again") / "trajectory.txt"), text_of(path("mine") / "trajectory.txt"));
+  EXPECT_EQ(run("run walk --tracker vo --frames 2 --out none --segmenter none --settings "
+                "mine/settings.yaml")
+                .code,
+            0);
+  expect_error("bench walk --out b --settings mine/settings.yaml --variants paper,default", 1,
+               "the presets paper and default different");
+
+  const auto refused = [&](const std::string& yaml, const std::string& words) {
+    std::ofstream(path("bad.yaml")) << yaml;
+    expect_error("run walk --out refused --settings bad.yaml", 1, words);
+    expect_error("bench walk --out refused --settings bad.yaml", 1, words);
+    EXPECT_FALSE(fs::exists(path("refused")));
+  };
+  refused("depth:\n  dilaton_px: 3\n", "bad.yaml, line 2: setting \"depth.dilaton_px\"");
+  refused("depth:\n  dilaton_px: 3\n", "the nearest is depth.dilation_px");
+  refused("growth_m: 3\n", "depth.growth_m and motion.movers.growth_m");
+  refused("use_depth: perhaps\n", "line 1: setting use_depth: expected true or false");
+  refused("depth: 3\n", "line 1: setting \"depth\"");
+  refused("dilation_px: [3]\n", "expected a value of dilation_px");
+  refused("dilation_px: 3\ndepth: {dilation_px: 4}\n", "depth.dilation_px: found twice");
+  refused("- dilation_px\n", "expected lines of `name: value`");
+  refused("depth: {dilation_px\n", "expected YAML");
+  refused("dynamic_classes: [[person, most]]\n", "a list of names or [name, prior]");
+  expect_error("run walk --out refused --settings absent.yaml", 1, "no such file");
 }
 
 TEST_F(Cli, RunWritesWhatItSays) {
@@ -282,16 +335,66 @@ TEST_F(Cli, SegmenterIsChosenAndSaid) {
 }
 
 TEST_F(Cli, WrongDepthFactorIsCalledOut) {
-  fs::copy(path("walk"), path("factor"), fs::copy_options::recursive);
-  std::string yaml = text_of(path("factor") / "camera.yaml");
-  const std::string key = "DepthMapFactor: 5000";
-  yaml.replace(yaml.find(key), key.size(), "DepthMapFactor: 1");
-  std::ofstream(path("factor") / "camera.yaml") << yaml;
-  const Result r = run("run factor --out factor_out --frames 2");
-  EXPECT_EQ(r.code, 0) << r.err;
-  EXPECT_EQ(r.err.compare(0, 21, "stillpoint: warning: "), 0) << r.err;
-  EXPECT_NE(r.err.find("5000 would give"), std::string::npos) << r.err;
-  EXPECT_FALSE(json_of(path("factor_out") / "stats.json")["notes"].empty());
+  const auto with_factor = [&](const std::string& name, const std::string& factor) {
+    fs::copy(path("walk"), path(name), fs::copy_options::recursive);
+    std::string yaml = text_of(path(name) / "camera.yaml");
+    const std::string key = "DepthMapFactor: 5000";
+    yaml.replace(yaml.find(key), key.size(), "DepthMapFactor: " + factor);
+    std::ofstream(path(name) / "camera.yaml") << yaml;
+  };
+  for (const std::string factor : {"1000", "1"}) {
+    with_factor("factor" + factor, factor);
+    const Result r = run("run factor" + factor + " --out factor_out");
+    EXPECT_EQ(r.err.compare(0, 21, "stillpoint: warning: "), 0) << r.err;
+    EXPECT_NE(r.err.find("metre) of " + factor + " is likely wrong"), std::string::npos) << r.err;
+    EXPECT_NE(r.err.find("5000 would give"), std::string::npos) << r.err;
+    const Json stats = json_of(path("factor_out") / "stats.json");
+    EXPECT_FALSE(stats["notes"].empty());
+    // No pose at all is a failure, with the results there to look at.
+    EXPECT_EQ(r.code, stats["tracked"] == 0 ? 1 : 0) << r.err;
+    EXPECT_EQ(stats["tracked"] == 0, r.err.find("no frame was tracked") != std::string::npos);
+  }
+  // Millimetres that are read as 5000 units per metre.
+  fs::copy(path("walk"), path("mm"), fs::copy_options::recursive);
+  for (const auto& entry : fs::directory_iterator(path("mm") / "depth")) {
+    cv::Mat depth = cv::imread(entry.path().string(), cv::IMREAD_UNCHANGED);
+    depth.convertTo(depth, CV_16U, 0.2);
+    cv::imwrite(entry.path().string(), depth);
+  }
+  const Result r = run("run mm --out mm_out --front-end off");
+  EXPECT_NE(r.err.find("1000 would give"), std::string::npos) << r.err;
+}
+
+TEST_F(Cli, ATrackerThatNeverTracksIsAFailure) {
+  copy_with_blind_frames("blind", 0, 12, 0);
+  for (const auto& entry : fs::directory_iterator(path("blind") / "depth")) {
+    const cv::Mat depth = cv::imread(entry.path().string(), cv::IMREAD_UNCHANGED);
+    cv::imwrite(entry.path().string(), cv::Mat::zeros(depth.size(), CV_16UC1));
+  }
+  const Result r = run("run blind --out blind_out --segmenter none");
+  EXPECT_EQ(json_of(path("blind_out") / "stats.json")["tracked"], 0);
+  EXPECT_EQ(r.code, 1) << r.err;
+  EXPECT_NE(r.err.find("no frame was tracked"), std::string::npos) << r.err;
+}
+
+TEST_F(Cli, AScaleThatIsWrongIsSaid) {
+  Trajectory truth, small;
+  for (int i = 0; i < 20; ++i) {
+    StampedPose pose;
+    pose.timestamp = 1 + i * 0.1;
+    pose.T_world_camera.setIdentity();
+    pose.T_world_camera.translation() << 0.1 * i, std::sin(0.5 * i), 0.3;
+    truth.push_back(pose);
+    pose.T_world_camera.translation() *= 0.2;
+    small.push_back(pose);
+  }
+  write_trajectory(path("scale_truth.txt"), truth);
+  write_trajectory(path("scale_small.txt"), small);
+  const Result wrong = run("evaluate --groundtruth scale_truth.txt --estimate scale_small.txt");
+  EXPECT_NE(wrong.err.find("is 0.20 times as large"), std::string::npos) << wrong.err;
+  EXPECT_NE(wrong.err.find("depth factor"), std::string::npos) << wrong.err;
+  const Result right = run("evaluate --groundtruth scale_truth.txt --estimate scale_truth.txt");
+  EXPECT_TRUE(right.err.empty()) << right.err;
 }
 
 TEST_F(Cli, EvaluatePrintsItsKeys) {
@@ -351,18 +454,6 @@ TEST_F(Cli, EvaluateAndRunAgreeOnTheCoverage) {
   EXPECT_NE(run("evaluate --groundtruth alone.txt --estimate gaps_out/trajectory.txt")
                 .out.find("frames are guessed"),
             std::string::npos);
-}
-
-TEST_F(Cli, SegmentCopiesMasksInItsFormat) {
-  const Result r = run("segment walk --masks walk/masks_gt --out seg");
-  ASSERT_EQ(r.code, 0) << r.err;
-  EXPECT_EQ(files_in(path("seg"), ".png"), 12u);
-  for (const auto& entry : fs::directory_iterator(path("seg"))) {
-    const cv::Mat made = cv::imread(entry.path().string(), cv::IMREAD_UNCHANGED);
-    const cv::Mat truth = cv::imread((path("walk") / "masks_gt" / entry.path().filename()).string(),
-                                     cv::IMREAD_UNCHANGED);
-    EXPECT_EQ(cv::countNonZero((made > 0) != (truth > 0)), 0) << entry.path();
-  }
 }
 
 TEST_F(Cli, LateMasksArePlayed) {
@@ -445,7 +536,7 @@ TEST_F(Cli, NetworksAreChecked) {
   expect_error("run walk --out net --segmenter opencv_dnn", 1, "--model FILE");
   expect_error("run walk --out net --model none.onnx", 1, "check the path");
   std::ofstream(path("broken.onnx")) << "not a network";
-  expect_error("segment walk --out net --model broken.onnx", 1, "whole ONNX file");
+  expect_error("mask walk --network-only --out net --model broken.onnx", 1, "whole ONNX file");
   EXPECT_FALSE(fs::exists(path("net"))) << "bad input is said before anything is written";
 }
 
@@ -457,7 +548,8 @@ TEST_F(Cli, TorchScriptIsRunOrNamed) {
   EXPECT_TRUE(r.err.find("expected a TorchScript file") != std::string::npos ||
               r.err.find("install libtorch-dev") != std::string::npos)
       << r.err;
-  expect_error("segment walk --out net --model network.pt --model-config a.pbtxt", 1, "opencv_dnn");
+  expect_error("mask walk --network-only --out net --model network.pt --model-config a.pbtxt", 1,
+               "opencv_dnn");
   EXPECT_FALSE(fs::exists(path("net")));
 }
 
@@ -489,7 +581,8 @@ TEST_F(Cli, FoldersAndFilesOfAnotherKindAreSaid) {
 TEST_F(Cli, ClassesThatNoSourceKnowsAreRefused) {
   expect_error("run walk --out classes --dynamic persn", 1, "found \"persn\"");
   expect_error("run walk --out classes --dynamic person,chair=0.5", 1, "found \"chair\"");
-  expect_error("segment walk --out classes --masks walk/masks_gt --dynamic persn", 1, "\"person\"");
+  expect_error("mask walk --network-only --out classes --masks walk/masks_gt --dynamic persn", 1,
+               "\"person\"");
   expect_error("run walk --out classes --segmenter none --dynamic persn", 1, "--segmenter none");
   EXPECT_FALSE(fs::exists(path("classes")));
   EXPECT_EQ(run("run walk --out classes --tracker vo --frames 3 --dynamic person=0.9").code, 0);
@@ -499,13 +592,15 @@ TEST_F(Cli, NetworksSegment) {
   const std::string graphs = STILLPOINT_TEST_GRAPHS;
   if (!fs::exists(graphs + "/fastestdet.onnx")) GTEST_SKIP() << "no graphs in " << graphs;
   const std::string boxes = " --model '" + graphs + "/fastestdet.onnx' ";
-  const Result r = run("segment walk --out net_masks" + boxes);
+  const Result r = run("mask walk --network-only --out net_masks" + boxes);
   ASSERT_EQ(r.code, 0) << r.err;
   EXPECT_EQ(files_in(path("net_masks"), ".png"), 12u);
-  EXPECT_NE(r.out.find("12 with a result, 36 instances"), std::string::npos) << r.out;
-  const Result all = run("segment walk --out net_all --dynamic person,tv=0.5" + boxes);
+  EXPECT_NE(r.out.find("12 with a result"), std::string::npos) << r.out;
+  EXPECT_NE(r.out.find(" 36 instances"), std::string::npos) << r.out;
+  const Result all = run("mask walk --network-only --out net_all --dynamic person,tv=0.5" + boxes);
   EXPECT_NE(all.out.find("48 instances"), std::string::npos) << all.out;
-  expect_error("segment walk --out net_all --dynamic persn" + boxes, 1, "person, bicycle");
+  expect_error("mask walk --network-only --out net_all --dynamic persn" + boxes, 1,
+               "person, bicycle");
   expect_error("run walk --out net --decoder detr" + boxes, 1, "no decoder \"detr\"");
   expect_error("run walk --out net --input-size 100" + boxes, 1, "WIDTHxHEIGHT");
   expect_error("run walk --out net --input-size 128x128" + boxes, 1, "made for, 96x64");

@@ -163,6 +163,11 @@ class TumSequence {
       camera_ = load_camera(folder_ / "camera.yaml");
   }
 
+  /// A sequence of images that the caller lists, ascending in time.
+  TumSequence(std::filesystem::path folder, std::vector<SequenceEntry> entries,
+              std::optional<Camera> camera)
+      : folder_(std::move(folder)), entries_(std::move(entries)), camera_(std::move(camera)) {}
+
   std::size_t size() const { return entries_.size(); }
   const SequenceEntry& entry(std::size_t i) const { return entries_.at(i); }
   const std::vector<SequenceEntry>& entries() const { return entries_; }

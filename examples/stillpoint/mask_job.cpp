@@ -1,0 +1,280 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "mask_job.hpp"
+
+#include <algorithm>
+#include <chrono>
+#include <map>
+#include <memory>
+#include <optional>
+
+#include "files.hpp"
+#include "front_end_options.hpp"
+#include "mask_format.hpp"
+#include "masker.hpp"
+#include "stillpoint/front_end.hpp"
+#include "stillpoint/io/depth_check.hpp"
+#include "stillpoint/io/image_folder.hpp"
+#include "stillpoint/io/mask_folder.hpp"
+#include "stillpoint/io/text_file.hpp"
+#include "stillpoint/version.hpp"
+#include "systems.hpp"
+#include "terminal.hpp"
+
+namespace stillpoint::cli {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
+using Note = std::function<void(const std::string&)>;
+
+bool is_tum(const fs::path& folder) {
+  return fs::exists(folder / "rgb.txt") || fs::exists(folder / "associations.txt");
+}
+
+/// The folder's images, or those of its subfolder images (COLMAP, nerfstudio).
+fs::path image_folder_of(const fs::path& folder) {
+  if (!fs::is_directory(folder) || !detail::images_by_stem(folder).empty()) return folder;
+  return fs::is_directory(folder / "images") ? folder / "images" : folder;
+}
+
+TumSequence open_input(const MaskSettings& settings, const Note& note) {
+  const RunSettings& run = settings.run;
+  if (is_tum(run.sequence)) {
+    if (!settings.depth.empty() || settings.fps > 0)
+      throw Error("--depth, --fps: only for a folder of images; " + run.sequence.string() +
+                  " is a sequence, whose lists say where depth is and when");
+    return open_sequence(run.sequence, run.camera, /*depth_required=*/false);
+  }
+  ImageFolderSettings images;
+  if (!run.camera.empty()) images.camera = camera_from(run.camera);
+  images.depth = settings.depth;
+  images.fps = settings.fps > 0 ? settings.fps : images.camera ? images.camera->fps : 30;
+  if (!settings.depth.empty() && !images.camera)
+    throw Error(
+        "--depth: needs the camera, for its focal length and the units of the depth: "
+        "--camera fr1, fr2, fr3, bonn or an ORB-SLAM style YAML file");
+  TumSequence sequence = image_folder(image_folder_of(run.sequence), images);
+  if (sequence.size() > 1 && sequence.entry(0).timestamp == 0)
+    note("the names are no timestamps: " + fixed(images.fps, 0) +
+         " images a second are taken (--fps)");
+  return sequence;
+}
+
+/// What is counted over the frames, and told at the end.
+struct Counts {
+  std::size_t frames = 0, written = 0, there = 0, left_out = 0, without_result = 0, empty = 0;
+  std::size_t objects = 0, restored = 0, moving = 0, segmenter_errors = 0;
+  double share = 0, largest = 0;
+  std::string largest_stem, segmenter_error;
+  std::map<std::string, std::size_t> status;
+
+  void add(const Masker& masker, const std::string& stem, bool network_only) {
+    const double covered = cv::countNonZero(masker.dynamic()) /
+                           static_cast<double>(std::max<std::size_t>(1, masker.dynamic().total()));
+    share += covered;
+    if (covered > largest) largest = covered, largest_stem = stem;
+    empty += covered == 0;
+    objects += masker.instances().size();
+    if (network_only) return;
+    const FrameStats& stats = masker.stats();
+    restored += static_cast<std::size_t>(stats.restored);
+    moving += static_cast<std::size_t>(stats.moving);
+    for (const std::string& name : status_names(stats.status)) ++status[name];
+    if (!stats.segmenter_error.empty() && segmenter_errors++ == 0)
+      segmenter_error = stats.segmenter_error;
+  }
+
+  std::string text(bool network_only, double seconds) const {
+    const auto n = [](std::size_t value) { return std::to_string(value); };
+    const double masked =
+        static_cast<double>(std::max<std::size_t>(1, frames - without_result - left_out));
+    std::string out = "frames      " + n(frames) + ", " + n(written) + " masks written";
+    if (there > 0) out += ", " + n(there) + " were there";
+    if (network_only) out += ", " + n(frames - without_result) + " with a result";
+    if (left_out > 0) out += "; the rest is of the new ones";
+    out += "; " + fixed(static_cast<double>(frames) / std::max(seconds, 1e-3), 1) + " frames/s\n";
+    out += "masked      " + fixed(100 * share / masked, 1) +
+           " % of the image on average, at most " + fixed(100 * largest, 1) + " %" +
+           (largest_stem.empty() ? "" : " (" + largest_stem + ")") + "; nothing in " + n(empty) +
+           " frames\n";
+    out += "objects     " + n(objects) + " instances, " +
+           fixed(static_cast<double>(objects) / masked, 2) + " per frame";
+    if (!network_only)
+      out +=
+          "; " + n(restored) + " carried through a miss, " + n(moving) + " found by motion alone";
+    out += "\nstatus      ";
+    std::string names;
+    for (const auto& [name, count] : status)
+      names += (names.empty() ? "" : ", ") + name + " " + n(count);
+    return out +
+           (names.empty() ? network_only ? "the segmenter alone" : "ok in all frames"
+                          : names + "  (frames)") +
+           "\n";
+  }
+};
+
+/// What masks in a folder are of: an unfinished run is gone on with by the same settings only.
+Json key_of(const MaskSettings& settings, const FrontEndSettings& front_end,
+            const TumSequence& sequence, std::size_t count) {
+  std::uintmax_t bytes = 0;
+  std::error_code ignored;
+  const auto add = [&](const fs::path& file) {
+    const std::uintmax_t size = file.empty() ? 0 : fs::file_size(file, ignored);
+    if (!ignored) bytes += size;
+  };
+  for (std::size_t i = 0; i < count; ++i) {
+    add(sequence.entry(i).color_path);
+    add(sequence.entry(i).depth_path);
+    if (!settings.run.masks.empty()) add(mask_path(settings.run.masks, sequence.entry(i).stem));
+  }
+  add(settings.run.model);
+  Json classes;
+  for (const DynamicClass& c : front_end.dynamic_classes) classes[c.name] = c.prior;
+  const RunSettings& run = settings.run;
+  return {{"version", STILLPOINT_VERSION},
+          {"format", settings.format},
+          {"network_only", settings.network_only},
+          {"segmenter", run.segmenter},
+          {"model", run.model.filename().string()},
+          {"decoder", run.decoder},
+          {"input_size", run.input_size},
+          {"masks", run.masks.string()},
+          {"masked_depth", !settings.masked_depth.empty()},
+          {"images", count},
+          {"first", sequence.entry(0).color_path.filename().string()},
+          {"last", sequence.entry(count - 1).color_path.filename().string()},
+          {"last_s", sequence.entry(count - 1).timestamp},
+          {"bytes", bytes},
+          {"dynamic_classes", classes},
+          {"settings", all_settings(front_end)}};
+}
+
+/// Refuses a folder with masks of something else.
+void check_out(const MaskSettings& settings, const Json& key, const TumSequence& sequence) {
+  const fs::path file = settings.out / "mask.json";
+  Json old;
+  std::string what = "masks of something else";
+  if (fs::exists(file)) {
+    old = Json::parse(read_file(file, "result"), nullptr, false);
+    if (old == key) return;
+  } else if (std::none_of(sequence.entries().begin(), sequence.entries().end(), [&](const auto& e) {
+               return fs::exists(mask_file(settings.format, settings.out, e));
+             })) {
+    return;
+  }
+  if (old.is_object())
+    for (const auto& [name, value] : key.items())
+      if (old.value(name, Json()) != value) {
+        what = "masks with another " + name;
+        break;
+      }
+  throw Error("--out: expected an empty folder, or one of the same command, found " + what +
+              " in " + settings.out.string() + "; choose another folder, or remove what is in it");
+}
+
+class MaskJob {
+ public:
+  MaskJob(const MaskSettings& settings, const Note& note)
+      : settings_(settings), note_(note), sequence_(open_input(settings, note)) {
+    choose_segmenter(settings_.run);
+    const RunSettings& run = settings_.run;
+    count_ = run.frames > 0 ? std::min(run.frames, sequence_.size()) : sequence_.size();
+    for (std::size_t i = 0; i < count_; ++i) with_depth_ += !sequence_.entry(i).depth_path.empty();
+    segmenter_ = make_segmenter(run, sequence_);
+    if (!segmenter_ && (settings_.network_only || with_depth_ == 0))
+      throw Error(settings_.network_only
+                      ? "--network-only: needs a segmenter; name one by --model or --masks"
+                      : "mask: without depth only a segmenter finds anybody; give --model or "
+                        "--masks, or depth");
+    if (!settings_.masked_depth.empty() && with_depth_ == 0)
+      throw Error("--masked-depth: needs depth, found none");
+    if (settings_.format == "nerfstudio")
+      transforms_ = find_transforms(sequence_.entry(0).color_path.parent_path());
+    front_end_ = front_end_settings(run);
+    tell();
+  }
+
+  std::string run(const std::function<void(std::size_t, std::size_t)>& progress) {
+    const Json key = key_of(settings_, front_end_, sequence_, count_);
+    check_out(settings_, key, sequence_);
+    make_folder(settings_.out);
+    if (!settings_.masked_depth.empty()) make_folder(settings_.masked_depth);
+    write_json(settings_.out / "mask.json", key);
+    const Camera camera = sequence_.camera().value_or(Camera());
+    Masker masker(front_end_, camera, segmenter_.get(), settings_.network_only);
+    DepthScaleCheck depth_check(camera);
+    const auto start = std::chrono::steady_clock::now();
+    for (std::size_t i = 0; i < count_; ++i) {
+      const RgbdFrame frame = sequence_.load(i);
+      process(masker, frame, sequence_.entry(i));
+      depth_check.add(frame, masker.instances());
+      progress(i + 1, count_);
+    }
+    if (const auto problem = depth_check.problem()) note_(*problem);
+    if (counts_.segmenter_errors == counts_.frames)
+      throw Error("the segmenter failed in all " + std::to_string(counts_.frames) +
+                  " frames: " + counts_.segmenter_error);
+    if (counts_.segmenter_errors > 0)
+      note_("the segmenter failed in " + std::to_string(counts_.segmenter_errors) +
+            " frames (masks were predicted there): " + counts_.segmenter_error);
+    if (!transforms_.empty()) write_transforms(transforms_, settings_.out, sequence_);
+    const std::chrono::duration<double> took = std::chrono::steady_clock::now() - start;
+    return counts_.text(settings_.network_only, took.count());
+  }
+
+ private:
+  void tell() {
+    if (with_depth_ == 0 && !settings_.network_only)
+      note_(
+          "without depth: masks are the segmenter's, mended; no depth fusion, and nothing "
+          "without a name is found");
+    else if (with_depth_ < count_ && with_depth_ > 0)
+      note_(std::to_string(count_ - with_depth_) + " of " + std::to_string(count_) +
+            " images have no depth");
+  }
+
+  void process(Masker& masker, const RgbdFrame& frame, const SequenceEntry& entry) {
+    ++counts_.frames;
+    const fs::path file = mask_file(settings_.format, settings_.out, entry);
+    if (settings_.network_only && fs::exists(file)) {  // nothing is carried along
+      ++counts_.there, ++counts_.left_out;
+      return;
+    }
+    if (!masker.process(frame)) {
+      ++counts_.without_result;
+      return;
+    }
+    counts_.add(masker, entry.stem, settings_.network_only);
+    // What was written before is the same: the frames before it ran again.
+    if (fs::exists(file)) {
+      ++counts_.there;
+    } else {
+      write_whole(file, coded_mask(settings_.format, masker.dynamic(), masker.instances()));
+      ++counts_.written;
+    }
+    const fs::path depth_file = mask_path(settings_.masked_depth, entry.stem);
+    if (settings_.masked_depth.empty() || frame.depth.empty() || fs::exists(depth_file)) return;
+    cv::Mat depth = frame.depth.clone();
+    depth.setTo(0, masker.dynamic());
+    write_whole(depth_file, depth);
+  }
+
+  MaskSettings settings_;
+  Note note_;
+  const TumSequence sequence_;
+  FrontEndSettings front_end_;
+  std::unique_ptr<Segmenter> segmenter_;
+  fs::path transforms_;
+  std::size_t count_ = 0, with_depth_ = 0;
+  Counts counts_;
+};
+
+}  // namespace
+
+std::string run_mask_job(const MaskSettings& settings,
+                         const std::function<void(std::size_t, std::size_t)>& progress,
+                         const Note& note) {
+  return MaskJob(settings, note).run(progress);
+}
+
+}  // namespace stillpoint::cli
