@@ -310,6 +310,7 @@ void add_bench_command(CLI::App& app) {
       if (command->count("--runs") == 0) options->plan.runs = 5;
       if (command->count("--features") == 0) options->plan.common.features = 3000;
     }
+    load_settings(options->plan.common);
     bench(*options);
   });
 }

@@ -49,6 +49,10 @@ void add_options(CLI::App* command, MaskSettings& s) {
       ->add_option("--masked-depth", s.masked_depth,
                    "Write the depth, too, with 0 where the mask is dynamic")
       ->type_name("DIR");
+  command
+      ->add_option("--objects", s.objects,
+                   "Write the objects of each frame as CSV: id, class, box, place, velocity")
+      ->type_name("FILE");
   between(command->add_option("--fps", s.fps, "Images per second of a folder of images  [30]"),
           0.01, 10000.0);
   add_system_options(command, s.run);

@@ -11,10 +11,12 @@
 #include "front_end_options.hpp"
 #include "mask_format.hpp"
 #include "masker.hpp"
+#include "stillpoint/core/mask_functions.hpp"
 #include "stillpoint/front_end.hpp"
 #include "stillpoint/io/depth_check.hpp"
 #include "stillpoint/io/image_folder.hpp"
 #include "stillpoint/io/mask_folder.hpp"
+#include "stillpoint/io/objects_file.hpp"
 #include "stillpoint/io/text_file.hpp"
 #include "stillpoint/version.hpp"
 #include "systems.hpp"
@@ -188,6 +190,8 @@ class MaskJob {
                         "--masks, or depth");
     if (!settings_.masked_depth.empty() && with_depth_ == 0)
       throw Error("--masked-depth: needs depth, found none");
+    if (!settings_.objects.empty() && settings_.network_only)
+      throw Error("--objects: the front end follows objects; leave --network-only out");
     if (settings_.format == "nerfstudio")
       transforms_ = find_transforms(sequence_.entry(0).color_path.parent_path());
     front_end_ = front_end_settings(run);
@@ -217,6 +221,7 @@ class MaskJob {
     if (counts_.segmenter_errors > 0)
       note_("the segmenter failed in " + std::to_string(counts_.segmenter_errors) +
             " frames (masks were predicted there): " + counts_.segmenter_error);
+    if (!settings_.objects.empty()) write_file(settings_.objects, objects_, "objects file");
     if (!transforms_.empty()) write_transforms(transforms_, settings_.out, sequence_);
     const std::chrono::duration<double> took = std::chrono::steady_clock::now() - start;
     return counts_.text(settings_.network_only, took.count());
@@ -245,6 +250,7 @@ class MaskJob {
       return;
     }
     counts_.add(masker, entry.stem, settings_.network_only);
+    if (!settings_.objects.empty()) objects_ += objects_csv(frame.timestamp, masker.objects());
     // What was written before is the same: the frames before it ran again.
     if (fs::exists(file)) {
       ++counts_.there;
@@ -254,9 +260,7 @@ class MaskJob {
     }
     const fs::path depth_file = mask_path(settings_.masked_depth, entry.stem);
     if (settings_.masked_depth.empty() || frame.depth.empty() || fs::exists(depth_file)) return;
-    cv::Mat depth = frame.depth.clone();
-    depth.setTo(0, masker.dynamic());
-    write_whole(depth_file, depth);
+    write_whole(depth_file, masked_depth(frame.depth, masker.dynamic()));
   }
 
   MaskSettings settings_;
@@ -267,6 +271,7 @@ class MaskJob {
   fs::path transforms_;
   std::size_t count_ = 0, with_depth_ = 0;
   Counts counts_;
+  std::string objects_ = objects_csv_header();
 };
 
 }  // namespace

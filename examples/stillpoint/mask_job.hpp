@@ -19,6 +19,8 @@ struct MaskSettings {
   std::filesystem::path depth;
   /// Where depth without dynamic pixels goes; empty: nowhere.
   std::filesystem::path masked_depth;
+  /// CSV of the objects of each frame (see io/objects_file.hpp); empty: none.
+  std::filesystem::path objects;
   /// Images per second of a folder of images; 0: the camera file's, else 30.
   double fps = 0;
   /// The segmenter's masks as they are, boxes filled by depth.

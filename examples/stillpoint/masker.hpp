@@ -31,6 +31,7 @@ class Masker {
 
   const cv::Mat& dynamic() const { return dynamic_; }
   const std::vector<Instance>& instances() const { return instances_; }
+  const std::vector<DynamicObject>& objects() const { return front_end_.objects(); }
   /// Of the front end; nothing in it with `network_only`.
   const FrameStats& stats() const { return front_end_.stats(); }
 

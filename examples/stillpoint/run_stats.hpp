@@ -7,7 +7,7 @@
 
 #include "run_job.hpp"
 #include "stillpoint/core/camera.hpp"
-#include "stillpoint/front_end.hpp"
+#include "stillpoint/front_end_settings.hpp"
 
 namespace stillpoint::cli {
 

@@ -29,7 +29,9 @@ class Reader {
   }
 
  private:
-  [[noreturn]] void refuse(const YAML::Mark& mark, const std::string& problem) const {
+  [[noreturn]] void refuse(const YAML::Mark& mark, std::string problem) const {
+    const std::string prefix = "stillpoint: ";  // of an Error, which adds it again
+    if (problem.compare(0, prefix.size(), prefix) == 0) problem.erase(0, prefix.size());
     throw Error(name_ + (mark.line >= 0 ? ", line " + std::to_string(mark.line + 1) : "") + ": " +
                 problem);
   }

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "stillpoint/front_end.hpp"
+#include "stillpoint/front_end_settings.hpp"
 
 namespace stillpoint::cli {
 

@@ -7,6 +7,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "cli_fixture.hpp"
+#include "stillpoint/io/objects_file.hpp"
 
 namespace stillpoint {
 namespace {
@@ -57,7 +58,7 @@ TEST_F(Mask, ByTheNetworkOnlyCopiesMasksInItsFormat) {
 
 TEST_F(Mask, RunsTheFrontEndInEachFormat) {
   const std::string masks = "mask walk --masks walk/masks ";
-  const Result r = run(masks + "--out m_labels --masked-depth m_depth");
+  const Result r = run(masks + "--out m_labels --masked-depth m_depth --objects m.csv");
   ASSERT_EQ(r.code, 0) << r.err;
   EXPECT_TRUE(r.err.empty()) << r.err;
   EXPECT_EQ(lines_of(r.out), 5) << r.out;
@@ -89,6 +90,9 @@ TEST_F(Mask, RunsTheFrontEndInEachFormat) {
     EXPECT_EQ(cv::countNonZero(depth != image("m_depth", stem + ".png")), 0);
   }
   EXPECT_TRUE(missed) << "the front end added nothing to the given masks";
+  const std::vector<ObjectsOfFrame> objects = read_objects(path("m.csv"));
+  EXPECT_GT(objects.size(), 9u);  // frames with people
+  EXPECT_EQ(objects.front().objects.front().class_name, "person");
   // `run` takes the labels back.
   EXPECT_EQ(run("run walk --masks m_labels --out m_run --tracker vo --frames 3").code, 0);
 }

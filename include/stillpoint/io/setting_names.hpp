@@ -15,7 +15,7 @@
 #include <vector>
 
 #include "stillpoint/core/error.hpp"
-#include "stillpoint/front_end.hpp"
+#include "stillpoint/front_end_settings.hpp"
 #include "stillpoint/io/text_file.hpp"
 
 namespace stillpoint {
