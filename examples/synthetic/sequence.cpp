@@ -48,8 +48,8 @@ bool SyntheticSequence::project(const synthetic::Frame& frame, synthetic::Vec3 p
   return true;
 }
 
-double SyntheticSequence::way_px(const Instant& open, synthetic::Vec3 at_open, const Instant& close,
-                                 synthetic::Vec3 at_close) const {
+double SyntheticSequence::displacement_px(const Instant& open, synthetic::Vec3 at_open,
+                                          const Instant& close, synthetic::Vec3 at_close) const {
   double x0, y0, x1, y1;
   if (!project(open.camera, at_open, x0, y0) || !project(close.camera, at_close, x1, y1)) return 0;
   return std::sqrt((x1 - x0) * (x1 - x0) + (y1 - y0) * (y1 - y0));
@@ -75,6 +75,29 @@ SyntheticFrame SyntheticSequence::frame(int index) const {
       measure_depth(frame.exact_depth, hole_prone, camera_, settings_.depth_noise, seed + 1);
   expose(raster, t, longest_px, seed, frame.color);
   return frame;
+}
+
+double SyntheticSequence::exposure_displacement_px(const synthetic::Rasterizer& raster, int id,
+                                                   synthetic::Vec3 p, const Instant& middle,
+                                                   const Instant& open,
+                                                   const Instant& close) const {
+  using namespace synthetic;
+  Vec3 at_open = p, at_close = p;
+  const int moving = raster.moving_index(id);
+  if (moving >= 0 && raster.is_part(id)) {
+    const auto i = static_cast<std::size_t>(moving);
+    const Vec3 local = middle.things.parts[i].frame.to_local(p);
+    at_open = open.things.parts[i].frame.to_world(local);
+    at_close = close.things.parts[i].frame.to_world(local);
+  } else if (moving >= 0) {
+    const auto i = static_cast<std::size_t>(moving);
+    const Quad& q = middle.things.quads[i];
+    const Vec3 d = p - q.corner;
+    const double u = dot(d, q.edge_u) / dot(q.edge_u, q.edge_u);
+    const double v = dot(d, q.edge_v) / dot(q.edge_v, q.edge_v);
+    at_open = open.things.quads[i].point(u, v), at_close = close.things.quads[i].point(u, v);
+  }
+  return displacement_px(open, at_open, close, at_close);
 }
 
 double SyntheticSequence::look(const synthetic::Rasterizer& raster, const Instant& middle,
@@ -111,22 +134,7 @@ double SyntheticSequence::look(const synthetic::Rasterizer& raster, const Instan
       const double depth = static_cast<double>(z);
       const Vec3 p = middle.camera.to_world(
           {(x - camera_.cx) / camera_.fx * depth, (y - camera_.cy) / camera_.fy * depth, depth});
-      Vec3 at_open = p, at_close = p;
-      const int moving = raster.moving_index(id);
-      if (moving >= 0 && part) {
-        const auto i = static_cast<std::size_t>(moving);
-        const Vec3 local = middle.things.parts[i].frame.to_local(p);
-        at_open = open.things.parts[i].frame.to_world(local);
-        at_close = close.things.parts[i].frame.to_world(local);
-      } else if (moving >= 0) {
-        const auto i = static_cast<std::size_t>(moving);
-        const Quad& q = middle.things.quads[i];
-        const Vec3 d = p - q.corner;
-        const double u = dot(d, q.edge_u) / dot(q.edge_u, q.edge_u);
-        const double v = dot(d, q.edge_v) / dot(q.edge_v, q.edge_v);
-        at_open = open.things.quads[i].point(u, v), at_close = close.things.quads[i].point(u, v);
-      }
-      const double way = way_px(open, at_open, close, at_close);
+      const double way = exposure_displacement_px(raster, id, p, middle, open, close);
       sum.way += way, ++sum.measured;
       ways.push_back(way);
     }
@@ -190,14 +198,14 @@ double SyntheticSequence::expected_blur_px(int label, int index) const {
   for (std::size_t i = 0; i < open.things.parts.size(); ++i)
     if (open.things.parts[i].label == label) {
       const synthetic::Vec3 middle{0, 0, open.things.parts[i].length / 2};
-      sum += way_px(open, open.things.parts[i].frame.to_world(middle), close,
-                    close.things.parts[i].frame.to_world(middle));
+      sum += displacement_px(open, open.things.parts[i].frame.to_world(middle), close,
+                             close.things.parts[i].frame.to_world(middle));
       ++count;
     }
   for (std::size_t i = 0; i < open.things.quads.size(); ++i)
     if (open.things.quads[i].label == label) {
-      sum += way_px(open, open.things.quads[i].point(0.5, 0.5), close,
-                    close.things.quads[i].point(0.5, 0.5));
+      sum += displacement_px(open, open.things.quads[i].point(0.5, 0.5), close,
+                             close.things.quads[i].point(0.5, 0.5));
       ++count;
     }
   return count ? sum / count : 0;

@@ -70,8 +70,12 @@ class SyntheticSequence {
 
   /// The picture's point of a world point, false when behind the camera.
   bool project(const synthetic::Frame& frame, synthetic::Vec3 p, double& x, double& y) const;
-  double way_px(const Instant& open, synthetic::Vec3 at_open, const Instant& close,
-                synthetic::Vec3 at_close) const;
+  double displacement_px(const Instant& open, synthetic::Vec3 at_open, const Instant& close,
+                         synthetic::Vec3 at_close) const;
+  /// The same of a point `p` of surface `id`, during the exposure.
+  double exposure_displacement_px(const synthetic::Rasterizer& raster, int id, synthetic::Vec3 p,
+                                  const Instant& middle, const Instant& open,
+                                  const Instant& close) const;
   /// Fills depth, labels, limbs; gives the way of each pixel of a coarse grid.
   double look(const synthetic::Rasterizer& raster, const Instant& middle, const Instant& open,
               const Instant& close, SyntheticFrame& frame, cv::Mat& hole_prone) const;
