@@ -66,10 +66,10 @@ inline std::map<std::string, std::filesystem::path> images_by_stem(
     for (char& c : ending) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
     if (ending != ".png" && ending != ".jpg" && ending != ".jpeg") continue;
     const std::string stem = entry.path().stem().string();
-    const auto [at, is_new] = images.emplace(stem, entry.path());
-    check(is_new, [&] {
+    const auto placed = images.emplace(stem, entry.path());
+    check(placed.second, [&] {
       return "image folder " + folder.string() + ": expected one image called " + stem +
-             ", found " + at->second.filename().string() + " and " +
+             ", found " + placed.first->second.filename().string() + " and " +
              entry.path().filename().string();
     });
   }
