@@ -51,34 +51,36 @@ void Rasterizer::draw_quad(int id) {
   plane.u = coordinate(u), plane.v = coordinate(v);
   const int y0 = std::max(0, static_cast<int>(low) - 1);
   const int y1 = std::min(camera_.height - 1, static_cast<int>(high) + 1);
+  for (int y = y0; y <= y1; ++y) draw_quad_row(plane, id, y);
+}
+
+void Rasterizer::draw_quad_row(const Plane& plane, int id, int y) {
   const Linear& w = plane.inverse_depth;
-  for (int y = y0; y <= y1; ++y) {
-    double a = 0, b = camera_.width - 1;
-    const auto keep = [&](double slope, double value) {  // slope * x + value >= 0
-      if (slope > 0)
-        a = std::max(a, -value / slope - 1e-6);
-      else if (slope < 0)
-        b = std::min(b, -value / slope + 1e-6);
-      else if (value < 0)
-        b = -1;
-    };
-    const double wy = w.y * y + w.c, uy = plane.u.y * y + plane.u.c;
-    const double vy = plane.v.y * y + plane.v.c;
-    keep(plane.u.x, uy), keep(w.x - plane.u.x, wy - uy);
-    keep(plane.v.x, vy), keep(w.x - plane.v.x, wy - vy);
-    keep(w.x, wy - 0.02);
-    if (!(a <= b)) continue;
-    const int xa = static_cast<int>(a) + (a > static_cast<int>(a) ? 1 : 0);
-    const int xb = static_cast<int>(b);
-    float* depth = inverse_depth_.data() + index(0, y);
-    int* ids = surface_.data() + index(0, y);
-    const auto slope = static_cast<float>(w.x), offset = static_cast<float>(wy);
-    for (int x = xa; x <= xb; ++x) {
-      const float value = offset + slope * static_cast<float>(x);
-      const bool nearer = value > depth[x];
-      depth[x] = nearer ? value : depth[x];
-      ids[x] = nearer ? id : ids[x];
-    }
+  double a = 0, b = camera_.width - 1;
+  const auto keep = [&](double slope, double value) {  // slope * x + value >= 0
+    if (slope > 0)
+      a = std::max(a, -value / slope - 1e-6);
+    else if (slope < 0)
+      b = std::min(b, -value / slope + 1e-6);
+    else if (value < 0)
+      b = -1;
+  };
+  const double wy = w.y * y + w.c, uy = plane.u.y * y + plane.u.c;
+  const double vy = plane.v.y * y + plane.v.c;
+  keep(plane.u.x, uy), keep(w.x - plane.u.x, wy - uy);
+  keep(plane.v.x, vy), keep(w.x - plane.v.x, wy - vy);
+  keep(w.x, wy - 0.02);
+  if (!(a <= b)) return;
+  const int xa = static_cast<int>(a) + (a > static_cast<int>(a) ? 1 : 0);
+  const int xb = static_cast<int>(b);
+  float* depth = inverse_depth_.data() + index(0, y);
+  int* ids = surface_.data() + index(0, y);
+  const auto slope = static_cast<float>(w.x), offset = static_cast<float>(wy);
+  for (int x = xa; x <= xb; ++x) {
+    const float value = offset + slope * static_cast<float>(x);
+    const bool nearer = value > depth[x];
+    depth[x] = nearer ? value : depth[x];
+    ids[x] = nearer ? id : ids[x];
   }
 }
 
@@ -134,53 +136,57 @@ void Rasterizer::draw_part(int number) {
   }
   round.sine = (part.radius0 - part.radius1) / part.length;
   round.cosine2 = 1 - round.sine * round.sine;
+  for (int y = y0; y <= y1; ++y) {
+    int x0 = 0, x1 = camera_.width - 1;
+    if (bounded) span(end0, end1, y, x0, x1);
+    if (x0 <= x1) draw_part_row(part, round, first_part_ + number, y, x0, x1);
+  }
+}
+
+void Rasterizer::draw_part_row(const RoundPart& part, const Round& round, int id, int y, int x0,
+                               int x1) {
   const auto radius0 = static_cast<float>(part.radius0);
   const auto radius1 = static_cast<float>(part.radius1);
   const auto length = static_cast<float>(part.length), s = static_cast<float>(round.sine);
   const auto c2 = static_cast<float>(round.cosine2), base = static_cast<float>(round.depth0);
   const float z_low = radius0 * s, z_high = length + radius1 * s;
-  for (int y = y0; y <= y1; ++y) {
-    int x0 = 0, x1 = camera_.width - 1;
-    if (bounded) span(end0, end1, y, x0, x1);
-    if (x0 > x1) continue;
-    float o0[3], ox[3], d0[3], dx[3];
-    for (int i = 0; i < 3; ++i) {
-      o0[i] = static_cast<float>(round.start[i].y * y + round.start[i].c);
-      d0[i] = static_cast<float>(round.direction[i].y * y + round.direction[i].c);
-      ox[i] = static_cast<float>(round.start[i].x);
-      dx[i] = static_cast<float>(round.direction[i].x);
+  float o0[3], ox[3], d0[3], dx[3];
+  for (int i = 0; i < 3; ++i) {
+    o0[i] = static_cast<float>(round.start[i].y * y + round.start[i].c);
+    d0[i] = static_cast<float>(round.direction[i].y * y + round.direction[i].c);
+    ox[i] = static_cast<float>(round.start[i].x);
+    dx[i] = static_cast<float>(round.direction[i].x);
+  }
+  float* depth = inverse_depth_.data() + index(0, y);
+  int* ids = surface_.data() + index(0, y);
+  for (int x = x0; x <= x1; ++x) {
+    const auto px = static_cast<float>(x);
+    const float p = o0[0] + ox[0] * px, q = o0[1] + ox[1] * px, r = o0[2] + ox[2] * px;
+    const float dp = d0[0] + dx[0] * px, dq = d0[1] + dx[1] * px, dr = d0[2] + dx[2] * px;
+    // The cone between the spheres: c2 (x^2 + y^2) = (radius0 - s z)^2.
+    const float flat = dp * dp + dq * dq, flat_b = p * dp + q * dq, flat_c = p * p + q * q;
+    const float g = radius0 - s * r;
+    const float ca = c2 * flat - s * s * dr * dr, cb = c2 * flat_b + s * dr * g;
+    const float cc = c2 * flat_c - g * g, root = cb * cb - ca * cc;
+    float t = std::numeric_limits<float>::max();
+    if (root > 0 && ca > 0) {
+      const float hit = (-cb - std::sqrt(root)) / ca, z = r + hit * dr;
+      if (z >= z_low && z <= z_high) t = hit;
     }
-    float* depth = inverse_depth_.data() + index(0, y);
-    int* ids = surface_.data() + index(0, y);
-    for (int x = x0; x <= x1; ++x) {
-      const auto px = static_cast<float>(x);
-      const float p = o0[0] + ox[0] * px, q = o0[1] + ox[1] * px, r = o0[2] + ox[2] * px;
-      const float dp = d0[0] + dx[0] * px, dq = d0[1] + dx[1] * px, dr = d0[2] + dx[2] * px;
-      // The cone between the spheres: c2 (x^2 + y^2) = (radius0 - s z)^2.
-      const float flat = dp * dp + dq * dq, flat_b = p * dp + q * dq, flat_c = p * p + q * q;
-      const float g = radius0 - s * r;
-      const float ca = c2 * flat - s * s * dr * dr, cb = c2 * flat_b + s * dr * g;
-      const float cc = c2 * flat_c - g * g, root = cb * cb - ca * cc;
-      float t = std::numeric_limits<float>::max();
-      if (root > 0 && ca > 0) {
-        const float hit = (-cb - std::sqrt(root)) / ca, z = r + hit * dr;
-        if (z >= z_low && z <= z_high) t = hit;
-      }
-      if (t == std::numeric_limits<float>::max()) {  // the end spheres
-        const float sa = flat + dr * dr;
-        const auto sphere = [&](float centre, float radius) {
-          const float rz = r - centre, sb = flat_b + rz * dr;
-          const float under = sb * sb - sa * (flat_c + rz * rz - radius * radius);
-          if (under > 0) t = std::min(t, (-sb - std::sqrt(under)) / sa);
-        };
-        sphere(0, radius0), sphere(length, radius1);
-        if (t == std::numeric_limits<float>::max()) continue;
-      }
-      const float z = base + t;
-      if (!(z > 0.1f)) continue;
-      const float value = 1 / z;
-      if (value > depth[x]) depth[x] = value, ids[x] = first_part_ + number;
+    if (t == std::numeric_limits<float>::max()) {  // the end spheres
+      const float sa = flat + dr * dr;
+      const auto sphere = [&](float centre, float radius) {
+        const float rz = r - centre, sb = flat_b + rz * dr;
+        const float under = sb * sb - sa * (flat_c + rz * rz - radius * radius);
+        if (under > 0) t = std::min(t, (-sb - std::sqrt(under)) / sa);
+      };
+      sphere(0, radius0), sphere(length, radius1);
+      if (t == std::numeric_limits<float>::max()) continue;
     }
+    const float z = base + t;
+    if (!(z > 0.1f)) continue;
+    const float value = 1 / z;
+    if (value > depth[x]) depth[x] = value, ids[x] = id;
   }
 }
 

@@ -93,6 +93,7 @@ class Rasterizer {
   }
 
   void draw_quad(int id);
+  void draw_quad_row(const Plane& plane, int id, int y);
 
   /// Bounds on the picture, in pixels.
   struct Box {
@@ -107,6 +108,7 @@ class Rasterizer {
   void span(const Box& a, const Box& b, int y, int& x0, int& x1) const;
 
   void draw_part(int number);
+  void draw_part_row(const RoundPart& part, const Round& round, int id, int y, int x0, int x1);
 
   Camera camera_;
   Frame frame_;

@@ -3,14 +3,12 @@
 
 namespace stillpoint::synthetic {
 
-RoomPlan build_room(StaticScene& scene, std::uint64_t seed) {
-  RoomPlan plan;
-  Furnisher make(scene, hash(seed, 0xf00d));
-  Random& random = make.random();
-  const RoomExtent room = plan.extent;
+namespace {
+
+/// Walls, floor, ceiling and lamps.
+void build_walls(StaticScene& scene, Furnisher& make, const RoomExtent& room) {
   const double width = 2 * room.half_x, length = room.y1 - room.y0,
                middle = (room.y0 + room.y1) / 2;
-
   const auto wall = [&](Vec3 corner, Vec3 u, Vec3 v, int texture, float texels_per_m,
                         std::array<float, 3> tint) {
     Quad q;
@@ -43,47 +41,59 @@ RoomPlan build_room(StaticScene& scene, std::uint64_t seed) {
     q.texture = make.plaster_texture(), q.texels_along_u = 60, q.texels_along_v = 30, q.glow = 1.7f;
     scene.quads.push_back(q);
   }
+}
 
-  // Furniture along a wall: `f` in the middle of the wall's foot, facing the room.
-  const auto furnish_wall = [&](const Frame& f, double wide, double deepest) {
-    make.box(moved(f, {0, -0.008, 0}), {wide, 0.016, 0.09}, make.oak_texture(), 300);
-    for (double x = -wide / 2 + 0.15; x < wide / 2 - 0.5;) {
-      const double left = wide / 2 - 0.1 - x, depth = std::min(deepest, random.range(0.28, 0.5));
-      const int kind = random.below(6);
-      double w = std::min(left, random.range(0.8, 1.3));
-      const Frame at = moved(f, {x + w / 2, -depth / 2 - 0.02, 0});
-      const Frame above = moved(f, {x + w / 2, -0.012, 0});
-      if (kind < 2) {
-        make.bookcase(at, w, random.range(1.5, 2.25), std::min(depth, 0.34));
-      } else if (kind == 2) {
-        make.cabinet(at, w, depth, random.range(0.7, 1.2));
-        make.poster_on(moved(above, {0, 0, 1.95}), true);
-      } else if (kind == 3) {
-        for (int i = 0; i < 2; ++i) {
-          const double slip = random.range(-0.05, 0.05), turn = random.range(-0.06, 0.06);
-          make.box(moved(at, {slip, 0, 0.36 * i}, turn), {std::min(w, 0.6), depth * 0.85, 0.36},
-                   make.carton_texture(), 0);
-        }
-        make.poster_on(moved(above, {0, 0, 1.55}), false);
-      } else if (kind == 4) {
-        const double half = w / 4;
-        make.poster_on(moved(above, {-half, 0, random.range(1.35, 1.6)}), false);
-        make.photo_on(moved(above, {half, 0, random.range(1.15, 1.3)}));
-        make.photo_on(moved(above, {half, 0, random.range(1.75, 2.1)}));
-        make.clutter(moved(f, {x + w / 2, -0.2, 0}), w, 0.35, 0.6);
-      } else {
-        make.poster_on(moved(above, {0, 0, 1.5}), true);
-        make.photo_on(moved(above, {-0.3, 0, 2.15}));
-        make.photo_on(moved(above, {0.3, 0, 2.15}));
-        make.cabinet(at, w, depth, 0.6);
+/// Furniture along a wall: `f` in the middle of the wall's foot, facing the room.
+void furnish_wall(Furnisher& make, const Frame& f, double wide, double deepest) {
+  Random& random = make.random();
+  make.box(moved(f, {0, -0.008, 0}), {wide, 0.016, 0.09}, make.oak_texture(), 300);
+  for (double x = -wide / 2 + 0.15; x < wide / 2 - 0.5;) {
+    const double left = wide / 2 - 0.1 - x, depth = std::min(deepest, random.range(0.28, 0.5));
+    const int kind = random.below(6);
+    double w = std::min(left, random.range(0.8, 1.3));
+    const Frame at = moved(f, {x + w / 2, -depth / 2 - 0.02, 0});
+    const Frame above = moved(f, {x + w / 2, -0.012, 0});
+    if (kind < 2) {
+      make.bookcase(at, w, random.range(1.5, 2.25), std::min(depth, 0.34));
+    } else if (kind == 2) {
+      make.cabinet(at, w, depth, random.range(0.7, 1.2));
+      make.poster_on(moved(above, {0, 0, 1.95}), true);
+    } else if (kind == 3) {
+      for (int i = 0; i < 2; ++i) {
+        const double slip = random.range(-0.05, 0.05), turn = random.range(-0.06, 0.06);
+        make.box(moved(at, {slip, 0, 0.36 * i}, turn), {std::min(w, 0.6), depth * 0.85, 0.36},
+                 make.carton_texture(), 0);
       }
-      x += w + random.range(0.02, 0.12);
+      make.poster_on(moved(above, {0, 0, 1.55}), false);
+    } else if (kind == 4) {
+      const double half = w / 4;
+      make.poster_on(moved(above, {-half, 0, random.range(1.35, 1.6)}), false);
+      make.photo_on(moved(above, {half, 0, random.range(1.15, 1.3)}));
+      make.photo_on(moved(above, {half, 0, random.range(1.75, 2.1)}));
+      make.clutter(moved(f, {x + w / 2, -0.2, 0}), w, 0.35, 0.6);
+    } else {
+      make.poster_on(moved(above, {0, 0, 1.5}), true);
+      make.photo_on(moved(above, {-0.3, 0, 2.15}));
+      make.photo_on(moved(above, {0.3, 0, 2.15}));
+      make.cabinet(at, w, depth, 0.6);
     }
-  };
-  furnish_wall(placed(0, room.y1, 0), width - 0.6, 0.34);
-  furnish_wall(placed(room.half_x, middle, 0, -1), length - 0.6, 0.5);
-  furnish_wall(placed(0, room.y0, 0, 2), width - 0.6, 0.45);
-  furnish_wall(placed(-room.half_x, middle, 0, 1), length - 0.6, 0.5);
+    x += w + random.range(0.02, 0.12);
+  }
+}
+
+}  // namespace
+
+RoomPlan build_room(StaticScene& scene, std::uint64_t seed) {
+  RoomPlan plan;
+  Furnisher make(scene, hash(seed, 0xf00d));
+  const RoomExtent room = plan.extent;
+  const double width = 2 * room.half_x, length = room.y1 - room.y0,
+               middle = (room.y0 + room.y1) / 2;
+  build_walls(scene, make, room);
+  furnish_wall(make, placed(0, room.y1, 0), width - 0.6, 0.34);
+  furnish_wall(make, placed(room.half_x, middle, 0, -1), length - 0.6, 0.5);
+  furnish_wall(make, placed(0, room.y0, 0, 2), width - 0.6, 0.45);
+  furnish_wall(make, placed(-room.half_x, middle, 0, 1), length - 0.6, 0.5);
 
   // A low table.
   make.box(placed(0.2, -0.62, 0.47), {1.1, 0.42, 0.03}, make.oak_texture(), 300);
