@@ -52,6 +52,37 @@ BENCHMARK_CAPTURE(BM_FrontEnd, paper, FrontEndSettings::paper())->Unit(benchmark
 BENCHMARK_CAPTURE(BM_FrontEnd, network_only, FrontEndSettings::network_only())
     ->Unit(benchmark::kMicrosecond);
 
+// What objects() takes of a frame beyond compute_mask(): following them in compute_mask(), and the
+// call itself, together against the extraction of ORB keypoints.
+void BM_Objects(benchmark::State& state) {
+  cv::setNumThreads(1);
+  const Scene& scene = rendered_scene();
+  FrontEnd front_end({}, scene.camera);
+  ObjectTracker tracker;
+  Player player(scene);
+  const CameraPlace place;
+  const std::vector<int> nobody;
+  const double before = orb_seconds();
+  double seconds = 0, objects = 0;
+  for (auto _ : state) {
+    const RgbdFrame& frame = player.next();
+    front_end.compute_mask(frame, player.segmentation());
+    FrameContext context;
+    context.begin(frame, scene.camera);
+    const std::clock_t start = std::clock();
+    tracker.finish(place);
+    tracker.observe(context, front_end.instances(), nobody);
+    objects += static_cast<double>(tracker.objects(front_end.instances(), place).size());
+    const double took = static_cast<double>(std::clock() - start) / CLOCKS_PER_SEC;
+    seconds += took;
+    state.SetIterationTime(took);
+  }
+  const double n = static_cast<double>(state.iterations());
+  state.counters["objects"] = objects / n;
+  state.counters["of_orb"] = seconds / n / (0.5 * (before + orb_seconds()));
+}
+BENCHMARK(BM_Objects)->UseManualTime()->Iterations(300)->Unit(benchmark::kMicrosecond);
+
 // --- how cost grows ---------------------------------------------------------------------------
 
 void by_pixels(benchmark::State& state, const FrontEndSettings& settings) {

@@ -162,8 +162,8 @@ class BasicFrontEnd {
   const std::vector<Instance>& instances() const { return fuser_.instances(); }
   /// The objects of the last frame with ids, places and velocities. Ask after correct_pose(), which
   /// makes the places better. An instance without a name that lies on another is none of its own.
-  /// Costs some 20 us for a few objects, at the first call after a frame or a pose; the reference
-  /// stays valid until the next frame.
+  /// With what compute_mask() does for it, it costs a hundredth of the extraction of 3000 ORB
+  /// keypoints (BM_Objects). The reference stays valid until the next frame.
   const std::vector<DynamicObject>& objects() const {
     return tracker_.objects(instances(), place());
   }
