@@ -38,8 +38,9 @@ namespace stillpoint {
 /// fusion (3.2), probability-based keypoint filter (3.3).
 ///
 /// Two calls per frame: compute_mask(), then select() on the host's keypoints. Without a segmenter
-/// the caller brings the segmentation. Not thread-safe; one object per camera. After the first few
-/// frames it allocates no image, only rows and coarse grids.
+/// the caller brings the segmentation. Not thread-safe; one object per camera. Without the motion
+/// check it allocates no image after the first few frames, only rows and coarse grids; with it,
+/// some of the frame's size.
 template <class NeighborSearch = GridNeighborSearch>
 class BasicFrontEnd {
  public:
