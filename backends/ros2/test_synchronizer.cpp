@@ -66,6 +66,22 @@ TEST(Ros2Synchronizer, TheNearestDepthIsTaken) {
   EXPECT_EQ(s.counts().without_depth, 1u);
 }
 
+TEST(Ros2Synchronizer, DepthShortlyBeforeItsColorIsNotKeptWaiting) {
+  Synchronizer s;
+  s.add_depth(image(995)), s.add_color(image(1000));
+  EXPECT_EQ(drain(s), "") << "nobody knows yet when the next one comes";
+  s.add_depth(image(1028)), s.add_color(image(1033));
+  EXPECT_EQ(drain(s), "1000+995 1033+1028 ") << "33 ms after the last";
+  s.add_depth(image(1061)), s.add_color(image(1066));
+  EXPECT_EQ(drain(s), "1066+1061 ");
+  s.add_depth(image(1127)), s.add_color(image(1132));  // one of each is lost
+  EXPECT_EQ(drain(s), "1132+1127 ");
+  s.add_depth(image(1160)), s.add_color(image(1178));
+  EXPECT_EQ(drain(s), "") << "18 ms before: the next may be nearer";
+  s.add_depth(image(1193));
+  EXPECT_EQ(drain(s), "1178+1193 ");
+}
+
 TEST(Ros2Synchronizer, ADepthServesOneColorImage) {
   Synchronizer s;
   s.add_color(image(100));

@@ -69,11 +69,21 @@ class Recording {
       if (std::filesystem::exists(file))
         frame.labels = stillpoint::read_labels(file, frame.images.color.size());
       frames_.push_back(std::move(frame));
+      stems_.push_back(sequence_.entry(i).stem);
     }
   }
 
   const stillpoint::Camera& camera() const { return camera_; }
   const std::vector<Frame>& frames() const { return frames_; }
+
+  /// The masks that `stillpoint mask` wrote.
+  std::vector<cv::Mat> masks(const std::filesystem::path& folder) const {
+    std::vector<cv::Mat> out;
+    for (std::size_t i = 0; i < frames_.size(); ++i)
+      out.push_back(stillpoint::read_mask(stillpoint::mask_path(folder, stems_[i]),
+                                          frames_[i].images.color.size()));
+    return out;
+  }
 
   /// The masks of one pass, by the front end without ROS.
   std::vector<cv::Mat> masks(const stillpoint::ros2::Parameters& parameters) const {
@@ -92,6 +102,7 @@ class Recording {
   stillpoint::TumSequence sequence_;
   stillpoint::Camera camera_;
   std::vector<Frame> frames_;
+  std::vector<std::string> stems_;
 };
 
 }  // namespace stillpoint_ros

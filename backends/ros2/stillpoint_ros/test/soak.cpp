@@ -4,10 +4,12 @@
 // that the node answers: same stamp, same bytes as the front end gives without ROS. Prints latency,
 // and CPU time and memory of the node's process.
 //
-// Usage: soak SEQUENCE MASKS [--frames N] [--rate HZ] [--length L] [--pid PID] [--play]
-//   --rate 0     the next frame is sent when the mask of the last one has come (default 30)
+// Usage: soak SEQUENCE MASKS [options]
+//   --frames N   frames to play (default 10000)
+//   --rate HZ    default 30; 0: the next frame is sent when the mask of the last one has come
 //   --length L   loop over the first L frames (default 100)
 //   --pid PID    of the node
+//   --expected DIR  the masks to compare with: stillpoint mask SEQUENCE --format dynamic --out DIR
 //   --play       only play
 // Exit status 1: a mask differs, or with --rate 0 one is missing.
 
@@ -34,7 +36,7 @@ using namespace std::chrono_literals;
 using Clock = std::chrono::steady_clock;
 
 struct Options {
-  std::string sequence, masks;
+  std::string sequence, masks, expected;
   int frames = 10000, length = 100;
   double rate = 30;
   int pid = 0;
@@ -72,7 +74,9 @@ class Soak {
     stillpoint::ros2::Parameters parameters;
     parameters.depth_units_per_m = recording_.camera().depth_units_per_m;
     parameters.exposure_s = recording_.camera().exposure_s;
-    expected_ = recording_.masks(parameters);
+    expected_ = options.expected.empty()
+                    ? recording_.masks(parameters)
+                    : recording_.masks(std::filesystem::path(options.expected));
     mask_ = node_->create_subscription<Image>(
         "mask", rclcpp::QoS(50), [this](const Image::ConstSharedPtr& m) { check(*m); });
   }
@@ -113,7 +117,8 @@ class Soak {
     const bool wide = frame.images.depth.depth() == CV_32F;
     if (frame.labels) labels_->publish(to_message(*frame.labels, "mono8", frame.stamp));
     info_->publish(to_message(recording_.camera(), frame.stamp));
-    depth_->publish(to_message(frame.images.depth, wide ? "32FC1" : "16UC1", frame.stamp));
+    depth_->publish(to_message(frame.images.depth, wide ? "32FC1" : "16UC1",
+                               stillpoint::ros2::nanoseconds(frame.images.depth_time())));
     sent_[frame.stamp] = {i, Clock::now()};
     color_->publish(to_message(frame.images.color, "bgr8", frame.stamp));
   }
@@ -182,6 +187,8 @@ int main(int argc, char** argv) try {
     const bool more = i + 1 < words.size();
     if (words[i] == "--play")
       options.play = true;
+    else if (words[i] == "--expected" && more)
+      options.expected = words[++i];
     else if (words[i] == "--frames" && more)
       options.frames = std::stoi(words[++i]);
     else if (words[i] == "--length" && more)

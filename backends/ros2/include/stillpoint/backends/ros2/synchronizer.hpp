@@ -98,6 +98,12 @@ class Synchronizer {
     if (newest_depth_ && message.stamp <= *newest_depth_) {
       if (*newest_depth_ - message.stamp < settings_.jump_back) return;  // late, or twice
       depths_.clear();
+      depth_period_ = 0;
+    } else if (newest_depth_) {
+      // The shortest of late: a lost image makes a step longer, and only a slower camera all of
+      // them.
+      const Nanoseconds step = message.stamp - *newest_depth_;
+      depth_period_ = depth_period_ == 0 ? step : std::min(step, depth_period_ + depth_period_ / 8);
     }
     newest_depth_ = message.stamp;
     depths_.push_back(std::move(message));
@@ -163,7 +169,11 @@ class Synchronizer {
   }
 
   bool depth_is_decided() const {
-    return !settings_.depth || is_decided(newest_depth_, settings_.max_wait);
+    if (!settings_.depth || is_decided(newest_depth_, settings_.max_wait)) return true;
+    // Depth that was taken a little before its color image: the next cannot be nearer.
+    const Nanoseconds before = colors_.front().stamp - newest_depth_.value_or(0);
+    return !depths_.empty() && before <= settings_.max_difference &&
+           before <= depth_period_ / 5 * 2;
   }
   bool segmentation_is_decided() const {
     return settings_.mask_wait <= 0 || is_decided(newest_segmentation_, settings_.mask_wait);
@@ -205,6 +215,7 @@ class Synchronizer {
   std::deque<ImageMessage> colors_, depths_;
   std::deque<SegmentationMessage> segmentations_;
   std::optional<Nanoseconds> first_color_, newest_color_, newest_depth_, newest_segmentation_;
+  Nanoseconds depth_period_ = 0;  // 0: not known
   std::size_t older_in_a_row_ = 0;
   bool jumped_ = false;
   SynchronizerCounts counts_;
