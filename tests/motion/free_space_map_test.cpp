@@ -124,6 +124,29 @@ TEST_F(FreeSpace, DoesNotTakeForStaticWhatWasDynamic) {
          [](int x, int) { return x < 20 ? CellLabel::kUnknown : CellLabel::kStatic; });
 }
 
+TEST_F(FreeSpace, KnowsWhatStoodAlone) {
+  const DepthCells frame = wall(4);
+  std::vector<std::uint8_t> dynamic(frame.size(), 0), touching(frame.size(), 0);
+  for (int y = 0; y < frame.height; ++y)
+    for (int x = 0; x < 20; ++x) touching[frame.index(x, y)] = 1;
+  map_.add(0, Eigen::Isometry3d::Identity(), kExact, frame, dynamic, touching);
+  CellLabels labels = judge(forward(0), frame);
+  labels.find_wide_static();
+  const int px = labels.block_px();
+  EXPECT_TRUE(labels.known_static({10 * px, 15 * px}));
+  EXPECT_FALSE(labels.stood_alone({10 * px, 15 * px}));
+  EXPECT_TRUE(labels.known_static({30 * px, 15 * px}));
+  EXPECT_TRUE(labels.stood_alone({30 * px, 15 * px}));
+  EXPECT_FALSE(labels.stood_alone({-1 + 40 * px, 15 * px})) << "the rim is not even static";
+  // One frame in which it stood alone is enough.
+  map_.clear();
+  map_.add(-0.1, Eigen::Isometry3d::Identity(), kExact, frame, dynamic);
+  map_.add(0, Eigen::Isometry3d::Identity(), kExact, frame, dynamic, touching);
+  labels = judge(forward(0), frame);
+  labels.find_wide_static();
+  EXPECT_TRUE(labels.stood_alone({10 * px, 15 * px}));
+}
+
 TEST_F(FreeSpace, MovesTheNewestFrameAndForgetsAll) {
   remember();
   map_.set_newest_pose(forward(0.5));

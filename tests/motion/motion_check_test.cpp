@@ -144,6 +144,25 @@ TEST(MotionCheck, TellsWideStaticSurfacesFromThinOnes) {
   EXPECT_EQ(cv::countNonZero(cells != opened), 0);
 }
 
+// What hangs together with a mover may be part of it, however still it is held.
+TEST(MotionCheck, WhatTouchesAMoverDoesNotStandAlone) {
+  CheckAlone check(small_camera());
+  cv::Mat dynamic(kHeight, kWidth, CV_8UC1, cv::Scalar(0));
+  dynamic.colRange(kWidth / 2, kWidth / 2 + 8).setTo(255);  // on the wall
+  const Camera camera = small_camera();
+  for (int i = 0; i < 60; ++i) {
+    check.find(render(i / 30.0, Eigen::Isometry3d::Identity(), std::nullopt),
+               Eigen::Isometry3d::Identity());
+    check.remember(dynamic);
+  }
+  const CellLabels& labels = check.context.labels;
+  const int y = kHeight / 2, near = kWidth / 2 + 8 + static_cast<int>(0.15 * camera.fx / 4);
+  const int far = kWidth / 2 + 8 + static_cast<int>(0.6 * camera.fx / 4);
+  EXPECT_TRUE(labels.known_static({near, y}));
+  EXPECT_FALSE(labels.stood_alone({near, y}));
+  EXPECT_TRUE(labels.stood_alone({far, y}));
+}
+
 TEST(MotionCheck, FindsAMoverWhileTheCameraTurns) {
   const Outcome r = drive({0.5, 0, 0}, 60, 25);
   EXPECT_GT(r.found, 0.55);  // cells on its outline say nothing

@@ -20,7 +20,7 @@ enum class CellLabel : std::uint8_t {
 /// A label for each cell, a square of pixels, of a frame. Empty: nothing is known.
 class CellLabels {
  public:
-  void clear() { width_ = height_ = 0, labels_.clear(); }
+  void clear() { width_ = height_ = 0, labels_.clear(), alone_.clear(); }
   bool empty() const { return labels_.empty(); }
 
   /// All unknown.
@@ -28,6 +28,7 @@ class CellLabels {
     block_px_ = block_px, width_ = width, height_ = height;
     labels_.assign(static_cast<std::size_t>(width) * static_cast<std::size_t>(height),
                    CellLabel::kUnknown);
+    alone_.assign(labels_.size(), 0);
   }
   /// Side of a cell, pixels.
   int block_px() const { return block_px_; }
@@ -36,23 +37,25 @@ class CellLabels {
   CellLabel& operator[](std::size_t i) { return labels_[i]; }
   CellLabel operator[](std::size_t i) const { return labels_[i]; }
   std::size_t size() const { return labels_.size(); }
+  /// Tells that the static surface of a cell was seen there while nothing that moves touched it.
+  void set_alone(std::size_t i) { alone_[i] = 255; }
 
-  /// To be called once the labels stand: finds what known_static() and clear_static() ask for.
-  /// O(cells).
+  /// To be called once the labels stand: finds what known_static(), stood_alone() and
+  /// clear_static() ask for. O(cells).
   void find_wide_static() {
     static_.create(height_, width_);
     for (int y = 0; y < height_; ++y)
       for (int x = 0; x < width_; ++x) static_(y, x) = at(x, y) == CellLabel::kStatic ? 255 : 0;
     cv::morphologyEx(static_, wide_static_, cv::MORPH_OPEN, cross());
+    cv::bitwise_and(wide_static_, cv::Mat_<uchar>(height_, width_, alone_.data()), wide_alone_);
   }
 
   /// Whether at a pixel there is a surface, three cells wide or more, that earlier frames had seen
   /// there and not taken for dynamic. O(1).
-  bool known_static(const cv::Point& pixel) const {
-    if (empty()) return false;
-    const int x = pixel.x / block_px_, y = pixel.y / block_px_;
-    return x < width_ && y < height_ && wide_static_(y, x) != 0;
-  }
+  bool known_static(const cv::Point& pixel) const { return is_set(wide_static_, pixel); }
+  /// Whether, besides, it was seen there while nothing that moves touched it: true of a table, but
+  /// not of a person who moves only an arm. O(1).
+  bool stood_alone(const cv::Point& pixel) const { return is_set(wide_alone_, pixel); }
 
   /// Sets `mask`, CV_8UC1 of the size of `area` (inside the frame), to 0 where there is a static
   /// surface. With `wide_only`, what is thinner than three cells stays: cells at an outline show
@@ -74,6 +77,11 @@ class CellLabels {
     return labels_[static_cast<std::size_t>(y) * static_cast<std::size_t>(width_) +
                    static_cast<std::size_t>(x)];
   }
+  bool is_set(const cv::Mat_<uchar>& cells, const cv::Point& pixel) const {
+    if (empty()) return false;
+    const int x = pixel.x / block_px_, y = pixel.y / block_px_;
+    return x < width_ && y < height_ && cells(y, x) != 0;
+  }
   static const cv::Mat& cross() {
     static const cv::Mat element = cv::getStructuringElement(cv::MORPH_CROSS, {3, 3});
     return element;
@@ -81,7 +89,8 @@ class CellLabels {
 
   int block_px_ = 8, width_ = 0, height_ = 0;
   std::vector<CellLabel> labels_;
-  cv::Mat_<uchar> static_, wide_static_;
+  std::vector<uchar> alone_;  // 255: yes
+  cv::Mat_<uchar> static_, wide_static_, wide_alone_;
 };
 
 }  // namespace stillpoint

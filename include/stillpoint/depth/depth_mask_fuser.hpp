@@ -62,8 +62,9 @@ class DepthMaskFuser {
     return fuse(own_context_, segmentation, use_depth, widening_px);
   }
 
-  /// The same for a frame of which more is known: an object with a name does not grow into what
-  /// `context.labels` knows to be static, and finds nothing of itself there if it is a bare box.
+  /// The same for a frame of which more is known: an object does not grow into what
+  /// `context.labels` knows to be static, one without a name only if that stood alone; and a bare
+  /// box finds nothing of an object there.
   const DynamicMask& fuse(const FrameContext& context, const Segmentation& segmentation,
                           bool use_depth = true, int widening_px = 0) {
     check_segmentation(segmentation, context.size());

@@ -67,9 +67,7 @@ class InstanceRegion {
     out.predicted = instance.predicted;
     out.blur = instance.blur;
     if (settings_.method == DepthMaskFuserSettings::Method::kConnected) {
-      // What has no name was found by its motion, the better evidence.
-      const CellLabels* known_static =
-          !labels.empty() && !instance.class_name.empty() ? &labels : nullptr;
+      const CellLabels* known_static = labels.empty() ? nullptr : &labels;
       if (ranges_.find_on_mask(depth, samples_, instance, known_static, range_))
         return write_region(depth, instance, known_static, masks, out);
     }
@@ -110,7 +108,10 @@ class InstanceRegion {
       parts_.keep(cells_, ranges_.samples_on_mask(),
                   static_cast<int>(slack_m * cells_per_m + 0.5f));
     }
-    growth_.grow(cells_, range_, settings_.range_m, reach, known_static);
+    // What has no name was found by its motion, the better evidence: the part of a person that is
+    // held still is taken for static, too.
+    const bool alone_only = instance.class_name.empty();
+    growth_.grow(cells_, range_, settings_.range_m, reach, known_static, alone_only);
     out.box = cv::Rect(cells_.used.tl() * cell, cells_.used.size() * cell) &
               cv::Rect(cv::Point(), depth.size());
     out.mask = masks.take(out.box.size());

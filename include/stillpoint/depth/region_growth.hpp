@@ -16,10 +16,10 @@ namespace stillpoint {
 class RegionGrowth {
  public:
   /// Grows by at most `reach` cells, over depths up to `range_m` beyond the range. `known_static`,
-  /// if given, is asked. The cells used cover the region and a cell around it afterwards. O(cells
-  /// of the region).
+  /// if given, is asked; with `alone_only`, what never stood alone does not stop the growth. The
+  /// cells used cover the region and a cell around it afterwards. O(cells of the region).
   void grow(RegionCells& cells, const DepthRange& range, float range_m, int reach,
-            const CellLabels* known_static) {
+            const CellLabels* known_static, bool alone_only) {
     const float lo = range.lo_m - range_m, hi = range.hi_m + range_m;
     visits_.clear();
     const cv::Rect& box = cells.used;
@@ -33,7 +33,7 @@ class RegionGrowth {
       const float z = cells.z(visit.cell), step = cells.step(visit.cell);
       cells.for_each_beside(visit.cell, [&](const cv::Point& cell) {
         if (cells.state(cell) == CellState::kUnknown)
-          cells.set_state(cell, may_be_region(cells, cell, lo, hi, known_static)
+          cells.set_state(cell, may_be_region(cells, cell, lo, hi, known_static, alone_only)
                                     ? CellState::kOpen
                                     : CellState::kOutside);
         if (cells.state(cell) != CellState::kOpen || std::abs(cells.z(cell) - z) > step) return;
@@ -60,10 +60,12 @@ class RegionGrowth {
 
   // Takes the cell's depth.
   static bool may_be_region(RegionCells& cells, const cv::Point& cell, float lo, float hi,
-                            const CellLabels* known_static) {
+                            const CellLabels* known_static, bool alone_only) {
     const float z = cells.z(cell) = cells.measured_z(cell);
-    return z > 0 && z >= lo && z <= hi && !cells.is_floor(cell) &&
-           !(known_static && known_static->known_static(cells.place(cell)));
+    if (!(z > 0 && z >= lo && z <= hi) || cells.is_floor(cell)) return false;
+    if (!known_static) return true;
+    const cv::Point pixel = cells.place(cell);
+    return !(alone_only ? known_static->stood_alone(pixel) : known_static->known_static(pixel));
   }
 
   std::vector<Visit> visits_;

@@ -39,6 +39,9 @@ struct DepthCells {
            static_cast<std::size_t>(x);
   }
 
+  /// Greatest difference in depth of two neighboring cells of one surface at depth z, metres.
+  static float most_step_m(float z) { return 0.03f + 0.025f * z; }
+
   /// The cell, in parts of cells, that a ray falls on. O(1).
   Eigen::Vector2f cell(float x, float y) const {
     const float xx = x * x, yy = y * y, xy = x * y;

@@ -30,6 +30,8 @@ struct DepthKeyView {
   /// Depth of the static surface in each cell, metres; kNoSurface, or kHole beyond the range of the
   /// sensor.
   cv::Mat_<float> surface_m;
+  /// Where the surface did not touch anything dynamic: 1, else 0.
+  cv::Mat_<uchar> alone;
   /// Up to which depth a cell and its eight neighbors are free, metres; 0: not known.
   cv::Mat_<float> free_to_m;
 
@@ -47,11 +49,13 @@ class FreeSpaceMap {
   bool empty() const { return count_ == 0; }
   void clear() { count_ = 0, next_ = 0; }
 
-  /// Adds an image; `dynamic`: one byte per cell, not 0 = taken for dynamic in it. Of a camera
-  /// faster than 30 Hz not every image is kept. O(cells).
+  /// Adds an image; `dynamic`: one byte per cell, not 0 = taken for dynamic in it. `touching`: the
+  /// same for cells whose surface goes on into what is dynamic; may be empty. Of a camera faster
+  /// than 30 Hz not every image is kept. O(cells).
   void add(double timestamp, const Eigen::Isometry3d& T_map_depth,
            const Eigen::Vector2f& lateral_cells, const DepthCells& cells,
-           const std::vector<std::uint8_t>& dynamic) {
+           const std::vector<std::uint8_t>& dynamic,
+           const std::vector<std::uint8_t>& touching = {}) {
     if (count_ > 0 && timestamp - views_[newest_].timestamp < kLeastStepS) return;
     if (views_.size() < kCapacity) views_.resize(kCapacity);
     DepthKeyView& view = views_[next_];
@@ -62,6 +66,9 @@ class FreeSpaceMap {
     view.T_map_depth = T_map_depth;
     view.lateral_cells = lateral_cells;
     fill(timestamp, cells, dynamic, view);
+    view.alone.create(view.surface_m.size());
+    for (std::size_t i = 0; i < cells.size(); ++i)
+      view.alone.data[i] = touching.empty() || touching[i] == 0;
   }
 
   /// Moves the newest image, once its pose is known better.
@@ -96,6 +103,7 @@ class FreeSpaceMap {
     views_at(timestamp, kAgesS, compared_);
     score_.assign(cells.size(), 0);
     settled_.assign(cells.size(), 0);
+    alone_.assign(cells.size(), 0);
     receding_.assign(cells.size(), Receding());
     for (const DepthKeyView* view : compared_) {
       const double age_s = timestamp - view->timestamp;
@@ -109,6 +117,8 @@ class FreeSpaceMap {
       labels[i] = score_[i] > 1 || receding_[i].certain() ? CellLabel::kMoved
                   : score_[i] < 0                         ? CellLabel::kStatic
                                                           : CellLabel::kUnknown;
+    for (std::size_t i = 0; i < cells.size(); ++i)
+      if (alone_[i] != 0) labels.set_alone(i);
   }
 
   /// Whether the surface of a cell of the last judge() was there 0.3 s before, too.
@@ -220,6 +230,7 @@ class FreeSpaceMap {
                const Eigen::Vector2f& lateral_cells, float receding_s, const DepthCells& cells) {
     const float* free_to_m = free_space(view, lateral_cells).ptr<float>();
     const float* surface_m = view.surface_m.ptr<float>();
+    const uchar* alone = view.alone.ptr<uchar>();
     const std::size_t n = static_cast<std::size_t>(cells.width);
     row_.cell.resize(n), row_.z.resize(n), row_.least_step.resize(n);
     const auto square = [&](double sigma) {
@@ -250,6 +261,7 @@ class FreeSpaceMap {
         const int free = (free_to > z + step + kFreeMarginM) & sure;
         const int same = (score[x] <= 0) & (std::abs(surface - z) < step) & (1 - free);
         score[x] = static_cast<signed char>(score[x] + 2 * free - same);
+        alone_[first + x] |= static_cast<std::uint8_t>(same & alone[row_.cell[x]]);
         if (receding_s > 0) receding_[first + x].add(surface, z, step, receding_s);
       }
     }
@@ -273,7 +285,7 @@ class FreeSpaceMap {
   std::vector<const DepthKeyView*> compared_;
   std::vector<signed char> score_;
   std::vector<Receding> receding_;
-  std::vector<std::uint8_t> settled_;
+  std::vector<std::uint8_t> settled_, alone_;
   cv::Mat_<float> free_;
   Row row_;
 };

@@ -115,10 +115,11 @@ class MotionCheck {
           dynamic_[cells_.index(x, y)] |=
               static_cast<std::uint8_t>((row[x * b + b / 4] | row[x * b + b / 4 + b / 2]) != 0);
       }
-    map_.add(depth_s_, T_map_depth_, lateral_cells_, cells_, dynamic_);
+    find_touching();
+    map_.add(depth_s_, T_map_depth_, lateral_cells_, cells_, dynamic_, touching_);
   }
 
-  /// To be called when the host's pose of the last frame has been told to `ego`.
+  /// To be called after `ego` was given the host's pose of the last frame.
   void correct(const EgoMotion& ego) {
     if (!judged_ || ego.chain() != chain_) return;
     const Eigen::Isometry3d ego_pose = ego.pose_at(depth_s_);
@@ -154,6 +155,35 @@ class MotionCheck {
   // compare with, and before a camera that does not rotate, whose corners are followed well.
   static constexpr double kStartS = 0.7, kStillRadS = 0.1;
   static constexpr float kSameClusterM = 0.5f;  // from one frame to the next
+
+  struct Visit {
+    int x, y, distance;
+  };
+  static constexpr float kTouchingM = 0.35f;
+
+  // Finds the cells whose surface goes on into what is dynamic, not far from it.
+  void find_touching() {
+    touching_ = dynamic_;
+    queue_.clear();
+    for (int y = 0; y < cells_.height; ++y)
+      for (int x = 0; x < cells_.width; ++x)
+        if (dynamic_[cells_.index(x, y)] != 0) queue_.push_back({x, y, 0});
+    for (std::size_t k = 0; k < queue_.size(); ++k) {
+      const Visit visit = queue_[k];
+      const float z = cells_.depth_m[cells_.index(visit.x, visit.y)];
+      if (!(z > 0) || visit.distance >= static_cast<int>(kTouchingM * cells_.fx / z)) continue;
+      static constexpr int kNext[4][2] = {{-1, 0}, {1, 0}, {0, -1}, {0, 1}};
+      for (const auto& next : kNext) {
+        const int x = visit.x + next[0], y = visit.y + next[1];
+        if (x < 0 || y < 0 || x >= cells_.width || y >= cells_.height) continue;
+        const std::size_t i = cells_.index(x, y);
+        if (touching_[i] != 0 || std::abs(cells_.depth_m[i] - z) > DepthCells::most_step_m(z))
+          continue;
+        touching_[i] = 1;
+        queue_.push_back({x, y, visit.distance + 1});
+      }
+    }
+  }
 
   // Finds the depth image's pose in the map, and how far its cells may be off sideways.
   void locate(double depth_s, const EgoMotion& ego) {
@@ -244,8 +274,9 @@ class MotionCheck {
   Eigen::Isometry3d T_map_depth_ = Eigen::Isometry3d::Identity();
   Eigen::Isometry3d ego_at_depth_ = Eigen::Isometry3d::Identity();
   Eigen::Vector2f lateral_cells_ = Eigen::Vector2f::Zero();
-  bool judged_ = false, registered_ = false;  // the last frame
-  std::vector<std::uint8_t> dynamic_;
+  bool judged_ = false, registered_ = false;      // the last frame
+  std::vector<std::uint8_t> dynamic_, touching_;  // of the last frame, by cell
+  std::vector<Visit> queue_;
   double start_s_ = 0;                                     // of the map
   std::vector<Eigen::Vector3f> outliers_, last_outliers_;  // of two frames, each in its camera
 };

@@ -80,7 +80,6 @@ class MoverDetector {
 
  private:
   static constexpr int kManyCells = 50;
-  static constexpr float kStepM = 0.03f, kStepShare = 0.025f;  // between neighboring cells
 
   struct Visit {
     int x, y, distance;
@@ -115,8 +114,8 @@ class MoverDetector {
         const std::size_t j = cells.index(x, y);
         if (taken_[j] != 0) continue;
         const float step = cells.depth_m[j] > 0 ? cells.depth_m[j] - z : 1;
-        if (step > kStepM + kStepShare * z) ++region.closed;
-        if (std::abs(step) > kStepM + kStepShare * z) continue;
+        if (step > DepthCells::most_step_m(z)) ++region.closed;
+        if (std::abs(step) > DepthCells::most_step_m(z)) continue;
         const int distance = labels[j] == CellLabel::kMoved ? 0 : visit.distance + 1;
         if (labels[j] == CellLabel::kStatic || distance > reach) {
           ++region.open;
