@@ -209,6 +209,41 @@ TEST(Cameras, ResultsAreTheCallers) {
   EXPECT_TRUE(identical(show(front_end, 6).image, (show(other, 5), show(other, 6)).image));
 }
 
+// A detector takes a room for a person who fills most of the image.
+TEST(Cameras, AFalsePersonOverMostOfTheImageIsDoubtedAndNotCarriedOn) {
+  const Camera camera = camera_of(320);
+  const RoomCamera room(camera);
+  Instance person;
+  person.box = cv::Rect(10, 5, 300, 230);
+  for (const bool motion : {true, false})
+    for (const bool says_when : {true, false}) {
+      SCOPED_TRACE(testing::Message() << (motion ? "default " : "network_only ") << says_when);
+      FrontEnd front_end(motion ? FrontEndSettings() : FrontEndSettings::network_only(), camera);
+      for (int i = 0; i < 30; ++i) {
+        const bool falsely = i % 10 == 5 || i % 10 == 6;
+        Segmentation found = falsely ? result({person}) : result({});
+        if (says_when) found.timestamp = i / 30.0;
+        front_end.compute_mask(room.frame(i / 30.0, turned(0)), found);
+        EXPECT_EQ(front_end.stats().mask_share, 0) << i;
+        EXPECT_EQ((front_end.stats().status & kObjectDoubted) != 0, falsely) << i;
+      }
+    }
+}
+
+// If it insists, what is known to be static outvotes it.
+TEST(Cameras, AFalsePersonOnWhatIsKnownToBeStaticIsNotBelieved) {
+  const Camera camera = camera_of(320);
+  const RoomCamera room(camera);
+  Instance person;
+  person.box = cv::Rect(10, 5, 300, 230);
+  FrontEnd front_end({}, camera);
+  for (int i = 0; i < 30; ++i) {
+    front_end.compute_mask(room.frame(i / 30.0, turned(0)), i < 15 ? result({}) : result({person}));
+    EXPECT_LT(front_end.stats().mask_share, 0.05) << i;
+  }
+  EXPECT_FALSE(front_end.stats().status & kObjectDoubted);
+}
+
 TEST(Cameras, SettingsInPixelsHoldForAnyWidth) {
   for (const int width : {160, 320, 640, 1280}) {
     FlatScene scene;

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <opencv2/core.hpp>
 #include <vector>
 
@@ -25,27 +26,42 @@ struct Detector {
   std::vector<RememberedObject> known;
   std::vector<Instance> movers;
   double time_s = 1;
-  int taken_out = 0;
+  bool says_when = true;
 
   explicit Detector(const SegmentationCompensatorSettings& settings = {}) : filter(settings) {
     result({});  // there was nothing
   }
 
   // How many are left.
-  std::size_t result(std::vector<Instance> instances, double later_s = 0.033) {
+  std::size_t result(const std::vector<Instance>& instances, double later_s = 0.033) {
     time_s += later_s;
-    taken_out = filter.filter(time_s, kSize, known, movers, instances);
-    return instances.size();
+    Segmentation segmentation{true, says_when ? time_s : std::nan(""), instances};
+    filter.filter(time_s, kSize, known, movers, segmentation);
+    EXPECT_EQ(filter.status() == kObjectDoubted, segmentation.instances.size() < instances.size());
+    return segmentation.instances.size();
   }
 };
 
 TEST(SuddenObjectFilter, DoubtsWhatFillsTheImageUntilTheThirdResult) {
   Detector d;
   EXPECT_EQ(d.result({person(kHuge), person(kSmall)}), 1u);
-  EXPECT_EQ(d.taken_out, 1);
   EXPECT_EQ(d.result({person(kHuge)}), 0u);
   EXPECT_EQ(d.result({person(kHuge)}), 1u);
-  EXPECT_EQ(d.taken_out, 0);
+}
+
+TEST(SuddenObjectFilter, TakesAResultThatDoesNotSayWhenForOneOfThisFrame) {
+  Detector d;
+  d.says_when = false;
+  EXPECT_EQ(d.result({person(kHuge)}), 0u);
+}
+
+TEST(SuddenObjectFilter, SaysNothingOfAFrameWithoutAResult) {
+  Detector d;
+  EXPECT_EQ(d.result({person(kHuge)}), 0u);
+  Segmentation none{false, d.time_s, {person(kHuge)}};
+  d.filter.filter(d.time_s + 0.033, kSize, {}, {}, none);
+  EXPECT_EQ(d.filter.status(), kOk);
+  EXPECT_EQ(none.instances.size(), 1u);
 }
 
 TEST(SuddenObjectFilter, ResultsMustBeInARowAndInOnePlace) {
@@ -78,8 +94,9 @@ TEST(SuddenObjectFilter, BelievesWhoMovesAndWhoIsKnown) {
 
 TEST(SuddenObjectFilter, BelievesTheFirstResultAndTheFirstAfterAPause) {
   SuddenObjectFilter filter;
-  std::vector<Instance> found{person(kHuge)};
-  EXPECT_EQ(filter.filter(5, kSize, {}, {}, found), 0);
+  Segmentation found{true, 5, {person(kHuge)}};
+  filter.filter(5, kSize, {}, {}, found);
+  EXPECT_EQ(filter.status(), kOk);
   Detector d;
   EXPECT_EQ(d.result({person(kHuge)}, 0.25), 1u);  // 4 Hz: people come close between two results
   EXPECT_EQ(d.result({person(kHuge)}, -3), 1u);    // another sequence

@@ -7,8 +7,6 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <cstring>
-#include <limits>
 #include <opencv2/core.hpp>
 #include <optional>
 #include <string>
@@ -24,7 +22,7 @@
 namespace stillpoint {
 
 /// An object that SegmentationCompensator remembers from frame to frame: its mask, depth and last
-/// places, carried into the current picture by the camera's motion and the object's own line.
+/// places, carried into the current image by the camera's motion and the object's own line.
 class RememberedObject {
  public:
   /// A pixel of the last frame and its depth in metres (0: not measured).
@@ -42,7 +40,7 @@ class RememberedObject {
   double seen_for_s = 0;
   /// How many frames showed it.
   int times_seen = 1;
-  /// How many of the segmenter's results in a row had to be mended; those of sharp pictures may
+  /// How many of the segmenter's results in a row had to be mended; those of sharp images may
   /// count twice.
   int mended = 0;
   bool alive = true;
@@ -56,20 +54,12 @@ class RememberedObject {
     if (limit && limit->mask.empty()) limit = nullptr;
     box_ = limit ? instance.box & limit->box : instance.box;
     mask_.resize(static_cast<std::size_t>(box_.area()));
-    const std::size_t width = static_cast<std::size_t>(box_.width);
-    for (int y = 0; y < box_.height; ++y) {
-      uchar* to = mask_.data() + static_cast<std::size_t>(y) * width;
-      const uchar* in = row_at(instance, y);
-      const uchar* also = limit ? row_at(*limit, y) : nullptr;
-      if (!in) in = also, also = nullptr;
-      if (!in)
-        std::memset(to, 255, width);
-      else if (!also)
-        std::memcpy(to, in, width);
-      else
-        for (std::size_t x = 0; x < width; ++x) to[x] = static_cast<uchar>(in[x] & also[x]);
-    }
-    // The picture is only looked at where the depth cannot tell.
+    cv::Mat mask(box_.size(), CV_8UC1, mask_.data());
+    mask.setTo(255);
+    for (const Instance* part : {&instance, limit})
+      if (part && !part->mask.empty() && !box_.empty())
+        cv::bitwise_and(mask, part->mask(box_ - part->box.tl()), mask);
+    // The image is only looked at where the depth cannot tell.
     if (depth.empty())
       patch_.sample(gray, instance);
     else
@@ -180,7 +170,7 @@ class RememberedObject {
             p.z > 0 ? p.z + predicted_z_ - z_ : predicted_z_};
   }
 
-  /// The predicted box, clipped to the picture; empty if it has left it.
+  /// The predicted box, clipped to the image; empty if it has left it.
   cv::Rect predicted_box(const cv::Size& size) const {
     float x0 = 1e6f, y0 = 1e6f, x1 = -1e6f, y1 = -1e6f;
     for (const int corner : {0, 1, 2, 3}) {
@@ -199,25 +189,22 @@ class RememberedObject {
            cv::Rect(cv::Point(), size);
   }
 
-  /// ORs the predicted mask into `out`, which covers `area` of the picture. O(area).
+  /// ORs the predicted mask into `out`, which covers `area` of the image. O(area).
   void draw_predicted(const cv::Rect& area, cv::Mat& out) const {
     const cv::Rect part = predicted_box({area.x + area.width, area.y + area.height}) & area;
     if (part.empty()) return;
     const Eigen::Matrix2d inverse = affine_.leftCols<2>().inverse();
-    const Eigen::Vector2d offset = -inverse * affine_.col(2);
-    // Place in the mask in 2^-32 pixels, of a row's first pixel and per step.
-    const auto fixed = [](double v, double limit) {
-      return static_cast<std::int64_t>(
-          std::floor(std::min(limit, std::max(-limit, v)) * static_cast<double>(kOne)));
-    };
-    const std::int64_t step_x = fixed(inverse(0, 0), 1e4), step_y = fixed(inverse(1, 0), 1e4);
+    const Eigen::Vector2d offset = -inverse * affine_.col(2) + Eigen::Vector2d(0.5, 0.5);
+    const cv::Rect mask(cv::Point(), box_.size());
+    const std::int64_t step_u = fixed(inverse(0, 0), 1e4), step_v = fixed(inverse(1, 0), 1e4);
     for (int y = part.y; y < part.y + part.height; ++y) {
-      const std::int64_t sx =
-          fixed(inverse(0, 0) * part.x + inverse(0, 1) * y + offset.x() - box_.x + 0.5, 1e9);
-      const std::int64_t sy =
-          fixed(inverse(1, 0) * part.x + inverse(1, 1) * y + offset.y() - box_.y + 0.5, 1e9);
+      std::int64_t u = fixed(inverse(0, 0) * part.x + inverse(0, 1) * y + offset.x() - box_.x, 1e9);
+      std::int64_t v = fixed(inverse(1, 0) * part.x + inverse(1, 1) * y + offset.y() - box_.y, 1e9);
       uchar* to = out.ptr<uchar>(y - area.y) + part.x - area.x;
-      or_sampled(sx, sy, step_x, step_y, part.width, to);
+      for (int x = 0; x < part.width; ++x, u += step_u, v += step_v) {
+        const cv::Point at(static_cast<int>(u >> kFixedBits), static_cast<int>(v >> kFixedBits));
+        if (mask.contains(at)) to[x] |= mask_[static_cast<std::size_t>(at.y * mask.width + at.x)];
+      }
     }
   }
 
@@ -233,64 +220,18 @@ class RememberedObject {
   double displacement_px() const { return displacement_px_; }
 
  private:
-  static constexpr std::int64_t kOne = std::int64_t{1} << 32;  // pixel
+  // Places in the mask are counted in 2^-32 pixels: sums of them are exact.
+  static constexpr int kFixedBits = 32;
+  static constexpr double kFixedOne = 4294967296;
+  static std::int64_t fixed(double value, double limit) {
+    return static_cast<std::int64_t>(
+        std::floor(std::min(limit, std::max(-limit, value)) * kFixedOne));
+  }
 
   static Eigen::Vector3d ray_of(const Lens& lens, const Eigen::Vector2d& pixel) {
     return lens.ray(static_cast<float>(pixel.x()), static_cast<float>(pixel.y()))
         .cast<double>()
         .homogeneous();
-  }
-
-  // The row of an instance's mask at row y and the left end of box_; null for a bare box.
-  const uchar* row_at(const Instance& instance, int y) const {
-    return instance.mask.empty()
-               ? nullptr
-               : instance.mask.ptr<uchar>(box_.y + y - instance.box.y) + (box_.x - instance.box.x);
-  }
-
-  // ORs n pixels of the mask: those that lie at (x, y) and every step on, in 2^-32 pixels, as far
-  // as they are in it.
-  void or_sampled(std::int64_t x, std::int64_t y, std::int64_t step_x, std::int64_t step_y, int n,
-                  uchar* to) const {
-    std::int64_t first = 0, last = n;
-    clip(x, step_x, box_.width, first, last);
-    clip(y, step_y, box_.height, first, last);
-    if (first >= last) return;
-    const uchar* mask = mask_.data();
-    const std::int64_t width = box_.width;
-    x += first * step_x, y += first * step_y;
-    // Where steps are nearly those of the picture, pixels lie side by side in the mask, too.
-    const bool nearly_one = std::max(std::abs(step_x - kOne), std::abs(step_y)) < kOne / 32;
-    for (std::int64_t i = first; i < last;) {
-      const std::int64_t run =
-          !nearly_one
-              ? 1
-              : std::min({last - i, steps_within(x, step_x - kOne), steps_within(y, step_y)});
-      const uchar* from = mask + (y >> 32) * width + (x >> 32);
-      for (std::int64_t k = 0; k < run; ++k) to[i + k] = static_cast<uchar>(to[i + k] | from[k]);
-      i += run, x += run * step_x, y += run * step_y;
-    }
-  }
-
-  // How many places from `place` on, in 2^-32 pixels, fall on the same pixel: at least one.
-  static std::int64_t steps_within(std::int64_t place, std::int64_t step) {
-    const std::int64_t behind = place & (kOne - 1);
-    if (step == 0) return std::numeric_limits<std::int64_t>::max();
-    return step > 0 ? (kOne - behind + step - 1) / step : behind / -step + 1;
-  }
-
-  // Narrows the steps [first, last) to those at which place + i * step, in 2^-32 pixels, is in
-  // [0, size).
-  static void clip(std::int64_t place, std::int64_t step, int size, std::int64_t& first,
-                   std::int64_t& last) {
-    const std::int64_t end = size * kOne - 1;
-    if (step < 0) place = end - place, step = -step;  // seen from the other side
-    if (step == 0) {
-      if (place < 0 || place > end) last = first;
-      return;
-    }
-    if (place < 0) first = std::max(first, (-place + step - 1) / step);
-    last = std::min(last, place > end ? 0 : (end - place) / step + 1);
   }
 
   // Pixels spread over the mask, and pixels around it that show something else.
@@ -328,9 +269,9 @@ class RememberedObject {
       center_ = {box_.x + 0.5 * box_.width, box_.y + 0.5 * box_.height};
     z_ = depth.empty() ? predicted_z_ : 0;
     if (depths_.size() >= 5) {
-      const auto middle = depths_.begin() + static_cast<std::ptrdiff_t>(depths_.size() / 2);
-      std::nth_element(depths_.begin(), middle, depths_.end());
-      z_ = *middle;
+      const auto median = depths_.begin() + static_cast<std::ptrdiff_t>(depths_.size() / 2);
+      std::nth_element(depths_.begin(), median, depths_.end());
+      z_ = *median;
     }
     // Around an object only what lies at another depth tells where its outline is.
     const float z = z_;

@@ -3,9 +3,7 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
-#include <cmath>
 #include <cstdint>
-#include <cstring>
 #include <limits>
 #include <opencv2/core.hpp>
 #include <optional>
@@ -16,12 +14,14 @@
 #include "stillpoint/core/depth_view.hpp"
 #include "stillpoint/core/frame.hpp"
 #include "stillpoint/core/frame_context.hpp"
-#include "stillpoint/core/image_scale.hpp"
 #include "stillpoint/core/instance.hpp"
-#include "stillpoint/core/mask_pool.hpp"
 #include "stillpoint/core/status.hpp"
+#include "stillpoint/segmentation/memory_limits.hpp"
+#include "stillpoint/segmentation/object_association.hpp"
 #include "stillpoint/segmentation/object_locator.hpp"
+#include "stillpoint/segmentation/object_masks.hpp"
 #include "stillpoint/segmentation/remembered_object.hpp"
+#include "stillpoint/segmentation/segmentation_age.hpp"
 #include "stillpoint/segmentation/segmentation_compensator_settings.hpp"
 
 namespace stillpoint {
@@ -35,17 +35,16 @@ namespace stillpoint {
 /// prediction; what is missing is looked for near the predicted place (by depth where there is
 /// depth, else by template matching), and restored only if it is found there. One that left is not
 /// restored. A frame without a result (`available = false`) is a frame in which every object is
-/// missing. Frames may be dropped; restoring is bounded in number and in time.
-///
-/// Any number of objects, of any class. Cost: O(objects x instances), and O(pixels of the box) for
-/// each restored object. Not thread-safe; one object per camera.
+/// missing. Frames may be dropped; restoring is bounded in number and in time. Cost: O(objects x
+/// instances), and O(pixels of the box) for each restored object. Not thread-safe; one object per
+/// camera.
 class SegmentationCompensator {
  public:
   using Settings = SegmentationCompensatorSettings;
 
   /// `camera` is needed only to use camera motion.
   explicit SegmentationCompensator(const Settings& settings = {}, const Camera& camera = {})
-      : settings_(settings), camera_(camera), locator_(settings) {
+      : settings_(settings), camera_(camera), locator_(settings), limits_(settings) {
     settings.check();
   }
 
@@ -66,32 +65,22 @@ class SegmentationCompensator {
   }
 
   /// The first half of compensate(), for callers that have better masks to remember: call
-  /// remember() for the same frame before the next mend().
-  /// What the context knows is used: the camera's motion; the blur, which tells how much a result
-  /// says of what it misses, and which is filled in for each instance; and the labels of the cells:
-  /// where a static surface is known, the mask of an object with a name is false, and is neither
-  /// carried along nor, but for its rim, taken. An object without a name was found by its motion,
-  /// which is the better evidence, but is not carried along there.
+  /// remember() for the same frame before the next mend(). Beyond the camera's motion the context
+  /// tells the blur, which is filled in for each instance (a miss in a sharp image counts more),
+  /// and which cells are static: nothing is carried along there, and the mask of an object with a
+  /// name is cleared there but for its rim.
   const Segmentation& mend(const FrameContext& context, const Segmentation& segmentation) {
     const cv::Size size = context.size();
     check_segmentation(segmentation, size);
     begin(context, segmentation);
     const std::optional<Eigen::Isometry3d> T =
         camera_.valid() ? context.T_current_last : std::nullopt;
-    for (Instance& s : output_.instances) trim(context, s);
+    for (Instance& s : output_.instances) masks_.trim(context, s);
     for (RememberedObject& object : objects_)
       object.predict(context.frame.timestamp, context.depth.lens(), T, max_speed_px(object, size));
-    if (segmentation.available) {
-      newest_result_s_ = context.frame.timestamp - age_s_;
-      last_result_at_s_ = context.frame.timestamp;
-      late_ = age_s_ > 0;
-    }
     associate(size);
-    for (std::size_t i = 0; i < given_; ++i) {
-      Instance& s = output_.instances[i];
-      s.blur = owner_[i] < 0 ? context.blur.in(s.box)
-                             : blur_of(context, static_cast<std::size_t>(owner_[i]), s.box);
-    }
+    for (std::size_t i = 0; i < given_; ++i)
+      output_.instances[i].blur = blur_of(context, pairs_.object_of(i), output_.instances[i].box);
     const bool look = settings_.trigger == Settings::Trigger::kPerObject ||
                       !segmentation.available || area_dropped();
     for (std::size_t j = 0; j < objects_.size(); ++j) judge(context, j, look);
@@ -106,28 +95,29 @@ class SegmentationCompensator {
   /// over). What the fusion added is not remembered: it would flow on into the furniture beside it.
   void remember(const FrameContext& context, const std::vector<Instance>& refined) {
     const DepthView& depth = depth_of(context);
-    detail::check(refined.size() == owner_.size(), [&] {
-      return "remember: expected one instance for each of mend(), " +
-             std::to_string(owner_.size()) + ", found " + std::to_string(refined.size());
+    const std::size_t n = pairs_.instances();
+    detail::check(refined.size() == n, [&] {
+      return "remember: expected one instance for each of mend(), " + std::to_string(n) +
+             ", found " + std::to_string(refined.size());
     });
     last_area_ = 0;
-    for (std::size_t i = 0; i < owner_.size(); ++i) {
+    for (std::size_t i = 0; i < n; ++i) {
       if (settings_.trigger == Settings::Trigger::kGlobal)
         last_area_ += area_of(output_.instances[i]);
-      if (owner_[i] >= 0) continue;
-      owner_[i] = static_cast<int>(objects_.size());
-      objects_.emplace_back();
-      objects_.back().id = next_id_++;
-      objects_.back().seen_s = context.frame.timestamp;
+      if (pairs_.object_of(i) >= 0) continue;
+      pairs_.set(objects_.size(), i);
+      RememberedObject& object = objects_.emplace_back();
+      object.id = next_id_++, object.seen_s = context.frame.timestamp;
     }
-    ids_.resize(owner_.size());
-    for (std::size_t i = 0; i < owner_.size(); ++i) {
-      RememberedObject& object = objects_[static_cast<std::size_t>(owner_[i])];
+    ids_.resize(n);
+    for (std::size_t i = 0; i < n; ++i) {
+      RememberedObject& object = objects_[static_cast<std::size_t>(pairs_.object_of(i))];
       ids_[i] = object.id;
       if (!object.alive) continue;
       object.observe(context.gray(), depth, refined[i], &output_.instances[i]);
       if (object.inside().size() >= kFewestPoints)
-        object.add_place(context.frame.timestamp, settings_.corner_history, history());
+        object.add_place(context.frame.timestamp, settings_.corner_history,
+                         static_cast<std::size_t>(settings_.history));
       else
         object.alive = false;
     }
@@ -143,24 +133,20 @@ class SegmentationCompensator {
   int restored() const { return restored_; }
   /// Age of the newest result of the segmenter at the last frame, seconds; infinity before the
   /// first.
-  double age_s() const { return age_s_; }
+  double age_s() const { return age_.age_s(); }
   /// Bits of the last mend() or compensate(): kNoSegmentation, kNeverSegmented, kMaskStale,
   /// kRestored, kTimestampOrder.
   std::uint32_t status() const { return status_; }
   /// Forgets everything (a cut in the sequence).
   void reset() {
     objects_.clear();
-    last_s_ = newest_result_s_ = last_result_at_s_ = -std::numeric_limits<double>::infinity();
-    late_ = false;
+    last_s_ = -std::numeric_limits<double>::infinity();
+    age_ = SegmentationAge();
     last_area_ = 0;
   }
 
  private:
   static constexpr std::size_t kFewestPoints = 4;
-  static constexpr float kSurelyMovedM = 0.15f;
-  static constexpr double kGapS = 0.1;  // between two frames that count as seen in a row
-
-  std::size_t history() const { return static_cast<std::size_t>(settings_.history); }
 
   void begin(const FrameContext& context, const Segmentation& segmentation) {
     const RgbdFrame& frame = context.frame;
@@ -175,36 +161,17 @@ class SegmentationCompensator {
       status_ |= kTimestampOrder;
     }
     last_s_ = frame.timestamp;
-    output_.available = segmentation.available;
+    age_.add(frame.timestamp, segmentation);
+    status_ |= age_.status();
+    output_ = segmentation;
     output_.timestamp = frame.timestamp;
-    output_.instances.clear();
-    output_.instances.insert(output_.instances.end(), segmentation.instances.begin(),
-                             segmentation.instances.end());
     given_ = output_.instances.size();
-    owner_.assign(given_, -1);
-    instance_of_.assign(objects_.size(), -1);
-    // A result may be an earlier frame's, predicted forward (see ForwardPredictor).
-    age_s_ = frame.timestamp - newest_result_s_;
-    if (segmentation.available)
-      age_s_ =
-          segmentation.timestamp < frame.timestamp ? frame.timestamp - segmentation.timestamp : 0;
-    if (!segmentation.available) status_ |= kNoSegmentation;
-    if (!segmentation.available && std::isinf(age_s_)) status_ |= kNeverSegmented;
   }
 
   // The frame's depth, or an empty one where it is not to be used.
   const DepthView& depth_of(const FrameContext& context) const {
     static const DepthView none;
     return has_depth_ ? context.depth : none;
-  }
-
-  // Clears what is known to be static from a given mask.
-  void trim(const FrameContext& context, Instance& s) {
-    if (context.labels.empty() || s.class_name.empty() || s.mask.empty()) return;
-    cv::Mat mask = masks_.take(s.box.size());
-    s.mask.copyTo(mask);
-    context.labels.clear_static(s.box, mask, true);
-    s.mask = mask;
   }
 
   double max_speed_px(const RememberedObject& object, const cv::Size& size) const {
@@ -220,160 +187,84 @@ class SegmentationCompensator {
     return last_area_ > 0 && area < settings_.area_ratio * last_area_;
   }
 
-  // Gives each instance to the object whose predicted points it holds most of.
+  // Finds which instance shows which object, and tells the instance how far away it is expected.
   void associate(const cv::Size& size) {
-    pairs_.clear();
-    for (std::size_t j = 0; j < objects_.size(); ++j) {
-      const cv::Rect box = objects_[j].predicted_box(size);
-      for (std::size_t i = 0; i < given_; ++i) {
-        if ((box & output_.instances[i].box).empty()) continue;
-        const double share = locator_.share_in(objects_[j], output_.instances[i]);
-        if (share >= 0.25) pairs_.push_back({share, j, i});
-      }
-    }
-    std::sort(pairs_.begin(), pairs_.end(), [](const Pair& a, const Pair& b) {
-      if (a.share != b.share) return a.share > b.share;
-      return a.object != b.object ? a.object < b.object : a.instance < b.instance;
-    });
-    for (const Pair& pair : pairs_) {
-      if (instance_of_[pair.object] >= 0 || owner_[pair.instance] >= 0) continue;
-      instance_of_[pair.object] = static_cast<int>(pair.instance);
-      owner_[pair.instance] = static_cast<int>(pair.object);
-      if (settings_.use_depth)
-        output_.instances[pair.instance].depth_m = objects_[pair.object].predicted_depth_m();
-    }
+    pairs_.find(objects_, output_.instances, size, locator_);
+    if (!settings_.use_depth) return;
+    for (std::size_t i = 0; i < given_; ++i)
+      if (const int object = pairs_.object_of(i); object >= 0)
+        output_.instances[i].depth_m =
+            objects_[static_cast<std::size_t>(object)].predicted_depth_m();
   }
 
-  // Decides what becomes of a remembered object in this frame.
+  // Decides what becomes of a remembered object in this frame. `look`: whether what is missing of
+  // it is to be restored.
   void judge(const FrameContext& context, std::size_t j, bool look) {
-    const RgbdFrame& frame = context.frame;
-    const cv::Size size = context.size();
-    const DepthView& depth = depth_of(context);
     RememberedObject& object = objects_[j];
-    const bool seen = instance_of_[j] >= 0;
-    if (seen) {
-      object.seen_for_s += std::min(frame.timestamp - object.seen_s, kGapS);
-      object.seen_s = frame.timestamp;
-      ++object.times_seen;
-      object.forget_depth_motion();
-    } else if (std::abs(object.depth_motion_m()) > kSurelyMovedM) {
-      // Who walks away is not where it was seen free before, yet goes on moving.
-      object.seen_s = frame.timestamp;
-      object.forget_depth_motion();
-    }
-    // A late segmenter gives few results: one that misses the object must not end it.
-    const double known_s = late_ ? std::max(object.seen_s, last_result_at_s_) : object.seen_s;
-    const bool too_old = frame.timestamp - known_s > bound_s(object);
-    if (!seen && too_old) {
+    const bool seen = pairs_.instance_of(j) >= 0;
+    const double now_s = context.frame.timestamp;
+    MemoryLimits::note_sight(now_s, seen, object);
+    if (!seen && limits_.too_old(now_s, age_, object)) {
       object.alive = false;
       status_ |= kMaskStale;
       return;
     }
-    if (!look) {
-      object.alive = seen;
-      object.mended = 0;
-      return;
-    }
+    if (!look) return leave(seen, object);
+    const DepthView& depth = depth_of(context);
     if (!seen && !locator_.locate(context, depth, object)) {
       object.alive = false;
       return;
     }
-    if (seen && settings_.trigger == Settings::Trigger::kGlobal) {
-      object.mended = 0;  // the paper restores whole objects only
-      return;
-    }
+    // The paper restores whole objects only.
+    if (seen && settings_.trigger == Settings::Trigger::kGlobal) return leave(seen, object);
+    const cv::Size size = context.size();
     if (seen && (depth.empty() || object.depth_m() == 0))
-      locator_.align_to(output_.instances[static_cast<std::size_t>(instance_of_[j])], size, object);
+      locator_.align_to(output_.instances[static_cast<std::size_t>(pairs_.instance_of(j))], size,
+                        object);
+    // What is missing of it may be in another object's mask.
     const double missing = locator_.missing_share(depth, size, object, output_.instances, given_);
-    if (missing <= 1 - settings_.area_ratio) {
-      object.alive = seen;  // what is left of it is in another object's mask
-      object.mended = 0;
-      return;
-    }
-    // A segmenter says nothing of what it has no name for: only time ends that.
-    if (output_.available && !object.class_name.empty() &&
-        (object.mended += weight_of_miss(context, j)) > bound_misses(object, seen)) {
-      object.alive = seen;
-      object.mended = 0;
-      return;
-    }
+    if (missing <= 1 - settings_.area_ratio) return leave(seen, object);
+    const Blur blur = blur_of(context, static_cast<int>(j), object.predicted_box(size));
+    if (output_.available && !limits_.count_miss(seen, blur, size, object))
+      return leave(seen, object);
     restore(context, j);
   }
 
-  // How many results in a row may miss an object. What was seen once or twice only may be a piece
-  // of the wall that looked like a person.
-  int bound_misses(const RememberedObject& object, bool seen) const {
-    const bool known = seen || settings_.trigger == Settings::Trigger::kGlobal;
-    return known ? settings_.max_restored_frames
-                 : std::min(settings_.max_restored_frames, 3 * object.times_seen - 1);
-  }
-
-  // How long an object is carried along without being seen. Without a class, it is trusted longer
-  // the longer it was seen: what the motion check finds only once may be nothing.
-  double bound_s(const RememberedObject& object) const {
-    if (!object.class_name.empty()) return settings_.max_prediction_s;
-    const double longer = settings_.max_prediction_s + 3 * object.seen_for_s;
-    return std::max(settings_.max_prediction_s, std::min(settings_.max_unnamed_s, longer));
+  // Restores nothing of an object: what is seen of it is all there is.
+  static void leave(bool seen, RememberedObject& object) {
+    object.alive = seen;
+    object.mended = 0;
   }
 
   // Writes the object's predicted mask as an instance, or unites it with what was seen of it.
   void restore(const FrameContext& context, std::size_t j) {
-    const cv::Size size = context.size();
     RememberedObject& object = objects_[j];
-    const cv::Rect predicted = object.predicted_box(size);
-    if (predicted.empty()) {
-      object.alive = instance_of_[j] >= 0;
+    const int shown_by = pairs_.instance_of(j);
+    Instance restored;
+    Instance& instance =
+        shown_by >= 0 ? output_.instances[static_cast<std::size_t>(shown_by)] : restored;
+    // A bare box is left to the depth fusion, which finds what is in it.
+    if (shown_by >= 0 && instance.mask.empty()) return;
+    if (!masks_.restore(context, object, instance)) {
+      object.alive = shown_by >= 0;
       return;
     }
-    Instance* instance = nullptr;
-    cv::Rect area = predicted;
-    if (instance_of_[j] >= 0) {
-      instance = &output_.instances[static_cast<std::size_t>(instance_of_[j])];
-      if (instance->mask.empty()) return;  // a bare box: the depth fusion finds what is in it
-      area |= instance->box;
-    }
-    cv::Mat mask = masks_.take(area.size());
-    std::memset(mask.data, 0, mask.total());
-    object.draw_predicted(area, mask);
-    if (!context.labels.empty()) {
-      context.labels.clear_static(area, mask, object.class_name.empty());
-      if (!instance && cv::countNonZero(mask) == 0) {
-        object.alive = false;
-        return;
-      }
-    }
-    if (instance) {
-      cv::Mat part = mask(instance->box - area.tl());
-      cv::bitwise_or(part, instance->mask, part);
-    } else {
-      output_.instances.emplace_back();
-      owner_.push_back(static_cast<int>(j));
-      instance_of_[j] = static_cast<int>(output_.instances.size()) - 1;
-      instance = &output_.instances.back();
-      instance->class_name = object.class_name;
-      instance->score = object.score;
-      instance->depth_m = settings_.use_depth ? object.predicted_depth_m() : 0;
-      instance->predicted = true;
-    }
-    instance->box = area;
-    instance->mask = mask;
-    instance->blur = blur_of(context, j, area);
+    instance.blur = blur_of(context, static_cast<int>(j), instance.box);
     ++restored_;
     status_ |= kRestored;
+    if (shown_by >= 0) return;
+    restored.class_name = object.class_name;
+    restored.score = object.score;
+    restored.depth_m = settings_.use_depth ? object.predicted_depth_m() : 0;
+    restored.predicted = true;
+    pairs_.set(j, output_.instances.size());
+    output_.instances.push_back(restored);
   }
 
-  // Who is missed in a sharp picture is not there, more likely than in a blurred one.
-  int weight_of_miss(const FrameContext& context, std::size_t j) const {
-    const cv::Size size = context.size();
-    const bool sharp = instance_of_[j] < 0 && settings_.sharp_px > 0 &&
-                       blur_of(context, j, objects_[j].predicted_box(size))
-                           .is_sharp(settings_.sharp_px * pixel_scale(size));
-    return sharp ? 2 : 1;
-  }
-
-  // Of a remembered object that is in `box`.
-  Blur blur_of(const FrameContext& context, std::size_t object, const cv::Rect& box) const {
-    return context.blur.in(box, objects_[object].displacement_px());
+  // Of what is in `box`: a remembered object, or (-1) something new.
+  Blur blur_of(const FrameContext& context, int object, const cv::Rect& box) const {
+    if (object < 0) return context.blur.in(box);
+    return context.blur.in(box, objects_[static_cast<std::size_t>(object)].displacement_px());
   }
 
   static double area_of(const Instance& s) {
@@ -381,38 +272,24 @@ class SegmentationCompensator {
   }
 
   void forget_dead() {
-    std::size_t n = 0;
-    for (std::size_t j = 0; j < objects_.size(); ++j) {
-      if (!objects_[j].alive) continue;
-      if (n != j) std::swap(objects_[n], objects_[j]);
-      ++n;
-    }
-    objects_.resize(n);
+    const auto dead = [](const RememberedObject& object) { return !object.alive; };
+    objects_.erase(std::remove_if(objects_.begin(), objects_.end(), dead), objects_.end());
   }
-
-  struct Pair {
-    double share;
-    std::size_t object, instance;
-  };
 
   Settings settings_;
   Camera camera_;
   FrameContext own_context_;
   bool has_depth_ = false;  // the frame of mend() has depth that is to be used
   ObjectLocator locator_;
+  MemoryLimits limits_;
   std::vector<RememberedObject> objects_;
   Segmentation output_;
   std::size_t given_ = 0;
-  std::vector<int> owner_;        // instance -> object
-  std::vector<int> ids_;          // instance -> id of its object
-  std::vector<int> instance_of_;  // object -> instance
-  std::vector<Pair> pairs_;
-  detail::MaskPool masks_;
+  ObjectAssociation pairs_;
+  std::vector<int> ids_;  // of the object of each instance
+  ObjectMasks masks_;
+  SegmentationAge age_;
   double last_s_ = -std::numeric_limits<double>::infinity();
-  double newest_result_s_ = -std::numeric_limits<double>::infinity();
-  double last_result_at_s_ = -std::numeric_limits<double>::infinity();
-  bool late_ = false;
-  double age_s_ = std::numeric_limits<double>::infinity();
   double last_area_ = 0;
   int next_id_ = 0;
   int restored_ = 0;

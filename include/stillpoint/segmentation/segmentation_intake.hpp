@@ -2,10 +2,8 @@
 #pragma once
 
 #include <Eigen/Geometry>
-#include <cmath>
 #include <cstdint>
 #include <exception>
-#include <limits>
 #include <optional>
 #include <string>
 #include <vector>
@@ -18,6 +16,7 @@
 #include "stillpoint/segmentation/forward_predictor.hpp"
 #include "stillpoint/segmentation/late_segmentation_settings.hpp"
 #include "stillpoint/segmentation/remembered_object.hpp"
+#include "stillpoint/segmentation/segmentation_age.hpp"
 #include "stillpoint/segmentation/segmentation_compensator_settings.hpp"
 #include "stillpoint/segmentation/segmenter.hpp"
 #include "stillpoint/segmentation/sudden_object_filter.hpp"
@@ -78,16 +77,11 @@ class SegmentationIntake {
         if (is_dynamic(s, classes_)) dynamic_.instances.push_back(s);
     raw_ = dynamic_.instances;
     if (may_be_late_) predictor_.forward(context, dynamic_);
-    doubted_ = doubt_ && segmentation.available
-                   ? sudden_.filter(dynamic_.timestamp, context.size(), remembered, movers,
-                                    dynamic_.instances)
-                   : 0;
-    dynamic_.instances.insert(dynamic_.instances.end(), movers.begin(), movers.end());
-    if (starts_anew) newest_result_s_ = -std::numeric_limits<double>::infinity();
     const double now_s = context.frame.timestamp;
-    if (dynamic_.available)
-      newest_result_s_ = dynamic_.timestamp < now_s ? dynamic_.timestamp : now_s;
-    age_s_ = now_s - newest_result_s_;
+    if (doubt_) sudden_.filter(now_s, context.size(), remembered, movers, dynamic_);
+    dynamic_.instances.insert(dynamic_.instances.end(), movers.begin(), movers.end());
+    if (starts_anew) age_ = SegmentationAge();
+    age_.add(now_s, dynamic_);
   }
 
   /// What the last take() left: dynamic instances, then the movers.
@@ -106,18 +100,14 @@ class SegmentationIntake {
   /// Message of what the segmenter threw in the last ask(); empty if it did not.
   const std::string& error() const { return error_; }
   /// Age of the newest result at the last frame, seconds; infinity before the first.
-  double age_s() const { return age_s_; }
+  double age_s() const { return age_.age_s(); }
   /// By how much masks of that age are widened.
-  int widening_px() const { return late_.widening_px(age_s_); }
+  int widening_px() const { return late_.widening_px(age_.age_s()); }
   /// Bits of the last frame: kNoSegmentation, kNeverSegmented, kMaskStale, kObjectDoubted,
   /// kSegmenterFailed.
   std::uint32_t status() const {
-    std::uint32_t status = predictor_.status();
-    if (failed_) status |= kSegmenterFailed;
-    if (doubted_ > 0) status |= kObjectDoubted;
-    if (!dynamic_.available) status |= kNoSegmentation;
-    if (std::isinf(age_s_)) status |= kNeverSegmented;
-    return status;
+    return predictor_.status() | sudden_.status() | age_.status() |
+           (failed_ ? std::uint32_t{kSegmenterFailed} : std::uint32_t{kOk});
   }
 
  private:
@@ -130,9 +120,7 @@ class SegmentationIntake {
   std::string error_;
   bool failed_ = false, may_be_late_ = true;  // of the last ask()
   std::vector<Instance> raw_;
-  int doubted_ = 0;  // instances of the last frame
-  double newest_result_s_ = -std::numeric_limits<double>::infinity();
-  double age_s_ = std::numeric_limits<double>::infinity();
+  SegmentationAge age_;
 };
 
 }  // namespace stillpoint

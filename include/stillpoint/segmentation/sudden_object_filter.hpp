@@ -3,11 +3,13 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <cstdint>
 #include <limits>
 #include <opencv2/core.hpp>
 #include <vector>
 
 #include "stillpoint/core/instance.hpp"
+#include "stillpoint/core/status.hpp"
 #include "stillpoint/segmentation/remembered_object.hpp"
 #include "stillpoint/segmentation/segmentation_compensator_settings.hpp"
 
@@ -23,11 +25,14 @@ class SuddenObjectFilter {
 
   explicit SuddenObjectFilter(const Settings& settings = {}) : settings_(settings) {}
 
-  /// Takes the doubtful instances out of a result of time `result_s` (seconds) for an image of
-  /// `size`. `known`: the objects of the last frame; `movers`: instances that surely move. Returns
-  /// how many it took out. O(instances x objects).
-  int filter(double result_s, const cv::Size& size, const std::vector<RememberedObject>& known,
-             const std::vector<Instance>& movers, std::vector<Instance>& instances) {
+  /// Takes the doubtful instances out of the segmenter's result that came at `now_s` (seconds) for
+  /// an image of `size`; status() says whether there were some. `known`: the objects of the last
+  /// frame; `movers`: instances that surely move. O(instances x objects).
+  void filter(double now_s, const cv::Size& size, const std::vector<RememberedObject>& known,
+              const std::vector<Instance>& movers, Segmentation& segmentation) {
+    status_ = kOk;
+    if (!segmentation.available) return;
+    const double result_s = segmentation.timestamp < now_s ? segmentation.timestamp : now_s;
     const bool paused = !(result_s - last_s_ <= kPauseS && result_s >= last_s_);
     last_s_ = result_s;
     if (paused) candidates_.clear();
@@ -51,11 +56,15 @@ class SuddenObjectFilter {
       next_.push_back({s.box, results});
       return results < settings_.sudden_results;
     };
+    std::vector<Instance>& instances = segmentation.instances;
     const std::size_t given = instances.size();
     instances.erase(std::remove_if(instances.begin(), instances.end(), doubtful), instances.end());
     std::swap(candidates_, next_);
-    return static_cast<int>(given - instances.size());
+    if (instances.size() < given) status_ = kObjectDoubted;
   }
+
+  /// kObjectDoubted or kOk, of the last filter().
+  std::uint32_t status() const { return status_; }
 
  private:
   static constexpr double kPauseS = 0.15;      // longer: people may have come close meanwhile
@@ -70,6 +79,7 @@ class SuddenObjectFilter {
   Settings settings_;
   double last_s_ = -std::numeric_limits<double>::infinity();
   std::vector<Candidate> candidates_, next_;
+  std::uint32_t status_ = kOk;
 };
 
 }  // namespace stillpoint
