@@ -41,13 +41,13 @@ RgbdFrame moved(const RgbdFrame& frame, double timestamp, const cv::Size& way) {
   return out;
 }
 
-// Of a picture after its sharp original.
-double sharpness_of(const RgbdFrame& sharp, const cv::Mat& picture) {
+// Of an image after its sharp original.
+double sharpness_of(const RgbdFrame& sharp, const cv::Mat& image) {
   BlurMeter meter;
   meter.measure(sharp, {});
   RgbdFrame frame = sharp;
   frame.timestamp += 0.033;
-  frame.color = picture;
+  frame.color = image;
   return meter.measure(frame, {}).whole.sharpness;
 }
 
@@ -140,13 +140,13 @@ TEST(BlurMeter, SharpnessIsNoMeasureOfContrastOrNoise) {
   cv::Mat dark, noisy = sharp.color.clone();
   sharp.color.convertTo(dark, -1, 0.5, 10);
   EXPECT_GT(sharpness_of(sharp, dark), 0.9);
-  // The same noise over sharp and blurred pictures leaves them apart.
+  // The same noise over sharp and blurred images leaves them apart.
   RandomGenerator random(1);
   cv::Mat blurred = moved(sharp, 2, {9, 1}).color;
-  for (cv::Mat* picture : {&noisy, &blurred})
-    for (int y = 0; y < picture->rows; ++y)
-      for (int x = 0; x < 3 * picture->cols; ++x) {
-        uchar& v = picture->ptr(y)[x];
+  for (cv::Mat* image : {&noisy, &blurred})
+    for (int y = 0; y < image->rows; ++y)
+      for (int x = 0; x < 3 * image->cols; ++x) {
+        uchar& v = image->ptr(y)[x];
         v = cv::saturate_cast<uchar>(v + static_cast<int>(random.below(21)) - 10);
       }
   RgbdFrame first = sharp;
@@ -158,7 +158,7 @@ TEST(BlurMeter, TheReferenceFollowsTheScene) {
   const RgbdFrame sharp = tiles(0);
   BlurMeter meter;
   meter.measure(sharp, {});
-  // Some blurred pictures do not become the usual thing; half a minute of soft ones does.
+  // Some blurred images do not become the usual thing; half a minute of soft ones does.
   double t = 0;
   for (; t < 0.5; t += 0.033)
     EXPECT_LT(meter.measure(moved(sharp, t + 0.033, {9, 9}), {}).whole.sharpness, 0.6);
@@ -166,7 +166,7 @@ TEST(BlurMeter, TheReferenceFollowsTheScene) {
   EXPECT_EQ(meter.measure(moved(sharp, t + 0.033, {9, 9}), {}).whole.sharpness, 1);
 }
 
-TEST(BlurMeter, TellsPartsOfThePictureApart) {
+TEST(BlurMeter, TellsPartsOfTheImageApart) {
   const RgbdFrame sharp = tiles(1);
   RgbdFrame half = sharp;
   half.timestamp = 1.05;

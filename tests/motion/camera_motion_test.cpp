@@ -37,7 +37,7 @@ double texture(double x, double y, double size_m, int plane) {
 
 /// A textured wall 3.2 m ahead, askew (a turn before a wall that is not looks as a step does) and,
 /// if `box_x` is a number, a textured board 1.2 m ahead that is 0.44 m wide and as high as the
-/// picture: a good part of the corners, little area.
+/// image: a good part of the corners, little area.
 RgbdFrame render(double timestamp, const Eigen::Isometry3d& T_world_camera, double box_x = NAN,
                  double half_width_m = 0.22, const Camera& camera = small_camera()) {
   RgbdFrame frame;
@@ -126,7 +126,7 @@ Camera enlarged(double factor) {
   return camera;
 }
 
-TEST(CameraMotion, TreatsPicturesOfAllSizesAlike) {
+TEST(CameraMotion, TreatsImagesOfAllSizesAlike) {
   const Eigen::Isometry3d first = pose(0, 0, 0), second = pose(0.01, 0, 0.2);
   for (const double factor : {0.75, 1.0, 2.0, 2.65, 4.0}) {
     SCOPED_TRACE(factor);
@@ -146,7 +146,7 @@ TEST(CameraMotion, TreatsPicturesOfAllSizesAlike) {
   }
 }
 
-TEST(CameraMotion, BeginsAnewWhenTheSizeOfThePictureChanges) {
+TEST(CameraMotion, BeginsAnewWhenTheSizeOfTheImageChanges) {
   const Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
   CameraMotion motion;
   add(motion, render(0, T, NAN, 0.22, enlarged(2)), T, enlarged(2));
@@ -167,7 +167,7 @@ TEST(CameraMotion, FindsOutlierClustersThatAreMostOfTheCorners) {
   EXPECT_GT(2 * motion.outlier_clusters(truth, truth, 0).size(), motion.followed());
 }
 
-/// A static board with nothing on it but a slanted edge, in a noisy picture before a textured wall.
+/// A static board with nothing on it but a slanted edge, in a noisy image before a textured wall.
 RgbdFrame board_with_an_edge(double timestamp, const Eigen::Isometry3d& T_world_camera) {
   const Camera camera = small_camera();
   RgbdFrame frame = render(timestamp, T_world_camera, 0.0, 0.38);
@@ -230,7 +230,7 @@ TEST(CameraMotion, FindsATurnThatNobodyForetold) {
   }
 }
 
-TEST(CameraMotion, TakesLessExactAgreementWhereOneOfTwoPicturesIsBlurred) {
+TEST(CameraMotion, TakesLessExactAgreementWhereOneOfTwoImagesIsBlurred) {
   const Eigen::Isometry3d first = pose(0, 0, 0), second = pose(0.01, 0, 1.5);
   CameraMotion motion;
   add(motion, render_coarse(0, first), Eigen::Isometry3d::Identity());
@@ -243,7 +243,7 @@ TEST(CameraMotion, TakesLessExactAgreementWhereOneOfTwoPicturesIsBlurred) {
   EXPECT_LT(turn_deg(error), 0.5);
 }
 
-TEST(CameraMotion, TakesPicturesOfAnySize) {
+TEST(CameraMotion, TakesImagesOfAnySize) {
   const Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
   for (const auto& [width, height] : {std::pair(1, 1), std::pair(640, 1), std::pair(2, 480),
                                       std::pair(640, 3), std::pair(17, 13), std::pair(640, 30)}) {

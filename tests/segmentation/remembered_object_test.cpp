@@ -27,20 +27,20 @@ TEST(RememberedObject, DrawsTurnedAndScaledMasksPixelByPixel) {
     for (const double scale : {1.0, 1.004, 0.99, 1.7, 0.4})
       for (const double shift : {0.0, -70.3, 123.4}) {
         const double angle = degrees * 3.14159265358979 / 180;
-        Eigen::Matrix3d to_picture = Eigen::Matrix3d::Identity();
-        to_picture.topLeftCorner<2, 2>() = scale * Eigen::Rotation2Dd(angle).toRotationMatrix();
+        Eigen::Matrix3d to_image = Eigen::Matrix3d::Identity();
+        to_image.topLeftCorner<2, 2>() = scale * Eigen::Rotation2Dd(angle).toRotationMatrix();
         const Eigen::Vector2d center(165, 115);
-        to_picture.block<2, 1>(0, 2) = center - to_picture.topLeftCorner<2, 2>() * center +
-                                       Eigen::Vector2d(shift, 0.31 * shift);
+        to_image.block<2, 1>(0, 2) =
+            center - to_image.topLeftCorner<2, 2>() * center + Eigen::Vector2d(shift, 0.31 * shift);
         RememberedObject::Place place;
-        place.affine = to_picture.topRows<2>();
+        place.affine = to_image.topRows<2>();
         place.z = 0;
         object.set_place(place);
         const cv::Rect area(11, 7, 297, 220);  // some of it beyond
         cv::Mat drawn = cv::Mat::zeros(area.size(), CV_8UC1);
         object.draw_predicted(area, drawn);
 
-        const Eigen::Matrix3d to_mask = to_picture.inverse();
+        const Eigen::Matrix3d to_mask = to_image.inverse();
         int wrong = 0, set = 0;
         for (int y = 0; y < area.height; ++y)
           for (int x = 0; x < area.width; ++x) {

@@ -39,7 +39,7 @@ struct Show {
   explicit Show(const Settings& settings = {}, const FlatScene& s = {})
       : scene(s), compensator(settings, s.camera()) {}
 
-  // All of `seen` are segmented; `hidden` are in the picture, but missed.
+  // All of `seen` are segmented; `hidden` are in the image, but missed.
   const Segmentation& show(double t, const std::vector<Walker>& seen,
                            const std::vector<Walker>& hidden = {}) {
     std::vector<Figure> figures;
@@ -124,10 +124,10 @@ TEST(SegmentationCompensator, CarriesObjectsThroughFramesWhoseDepthIsBlack) {
     const double t = 0.033 * i;
     const bool black = i == 4 || i > 16;
     walker.texture = i < 10 ? 1 : 7;
-    RgbdFrame picture = show.scene.frame(kStart + t, {walker.at(t)});
-    if (black) picture.depth.setTo(0);
+    RgbdFrame image = show.scene.frame(kStart + t, {walker.at(t)});
+    if (black) image.depth.setTo(0);
     const Segmentation seen = result({box_instance(walker.at(t).box, show.scene.size)});
-    const Segmentation& out = show.compensator.compensate(picture, black ? Segmentation() : seen);
+    const Segmentation& out = show.compensator.compensate(image, black ? Segmentation() : seen);
     ASSERT_EQ(out.instances.size(), 1u) << i;
     EXPECT_GT(show.iou_at(t, {walker}, out), 0.8) << i;
     EXPECT_NEAR(show.compensator.objects()[0].depth_m(), 2, 0.05) << i;
@@ -187,9 +187,9 @@ TEST(SegmentationCompensator, TakesNothingAtItsWordThatStoodThereBefore) {
       begin(context, show.scene.frame(kStart + 0.033 * i, {Walker().at(0)}), known);
       const Segmentation& mended = show.compensator.mend(context, given);
       EXPECT_EQ(mended.instances.size(), 1u);
-      const cv::Mat picture = picture_of(mended.instances, show.scene.size);
+      const cv::Mat image = picture_of(mended.instances, show.scene.size);
       show.compensator.remember(context, mended.instances);
-      return picture;
+      return image;
     };
     const cv::Mat half = seen(0);
     EXPECT_EQ(cv::countNonZero(half),
@@ -269,7 +269,7 @@ TEST(SegmentationCompensator, LeavesAlmostWholeObjectsAlone) {
   EXPECT_EQ(out.instances[0].box, seen);
 }
 
-TEST(SegmentationCompensator, DoesNotRestoreWhoLeftThePicture) {
+TEST(SegmentationCompensator, DoesNotRestoreWhoLeftTheImage) {
   const Walker walker{250, 80, 300, 0};  // its left edge leaves at 0.23 s
   for (const Settings& settings : {Settings(), Settings::paper()})
     for (const FlatScene& scene : kScenes) {
@@ -426,7 +426,7 @@ TEST(SegmentationCompensator, ForgetsSoonerWhatWasSeldomSeen) {
   }
 }
 
-TEST(SegmentationCompensator, MissesInSharpPicturesCountTwice) {
+TEST(SegmentationCompensator, MissesInSharpImagesCountTwice) {
   // 90 pixels a second: 3 from frame to frame.
   const Walker walker{60, 80, 90, 0};
   // How many misses are mended, with blur measured or not.
@@ -787,7 +787,7 @@ TEST(SegmentationCompensator, DepthIn32BitMetresGivesTheSame) {
   }
 }
 
-TEST(SegmentationCompensator, TakesPicturesOfAnotherSize) {
+TEST(SegmentationCompensator, TakesImagesOfAnotherSize) {
   const Walker walker;
   Show show;
   show.show(0, {walker});

@@ -24,7 +24,7 @@ namespace stillpoint {
 namespace testing {
 namespace {
 
-/// Takes bright parts of the picture for people: always finds some in the suite's pictures.
+/// Takes bright parts of the image for people: always finds some in the suite's images.
 class BrightnessSegmenter : public Segmenter {
  public:
   Segmentation segment(const RgbdFrame& frame) override {

@@ -57,7 +57,7 @@ TEST(TemplatePatch, LooksAtTheMaskOnly) {
   EXPECT_EQ(corner, instance.box.tl());
 }
 
-TEST(TemplatePatch, TakesGreyPictures) {
+TEST(TemplatePatch, TakesGreyImages) {
   FlatScene grey;
   grey.color_channels = 1;
   const Figure before{{100, 60, 40, 80}, 2, 1}, after{{105, 64, 40, 80}, 2, 1};
@@ -82,7 +82,7 @@ TEST(TemplatePatch, OfEqualScoresTakesTheNearest) {
   }
 }
 
-TEST(TemplatePatch, SaysNothingWithoutTextureOrOutsideThePicture) {
+TEST(TemplatePatch, SaysNothingWithoutTextureOrOutsideTheImage) {
   const cv::Mat flat(scene.size, CV_8UC1, cv::Scalar(90));
   const stillpoint::Instance instance = box_instance({100, 60, 40, 80}, scene.size);
   cv::Point corner = instance.box.tl();
@@ -92,7 +92,7 @@ TEST(TemplatePatch, SaysNothingWithoutTextureOrOutsideThePicture) {
   corner = {5000, -5000};
   EXPECT_EQ(patch_of(color, instance).locate(color, 8, corner), -1);
   EXPECT_EQ(corner, cv::Point(5000, -5000));
-  // Half of it in the picture is enough.
+  // Half of it in the image is enough.
   corner = {-20, 60};
   EXPECT_GT(patch_of(color, instance).locate(color, 0, corner), -1);
 }

@@ -16,7 +16,7 @@
 #include "stillpoint/motion/corner_image.hpp"
 #include "stillpoint/motion/flow_consensus.hpp"
 #include "stillpoint/motion/patch_shift.hpp"
-#include "stillpoint/motion/turn_alignment.hpp"
+#include "stillpoint/motion/rotation_alignment.hpp"
 
 namespace stillpoint {
 
@@ -218,9 +218,9 @@ class CameraMotion {
     }
     // The median by area: people close by may have most of the corners.
     std::sort(sorted_.begin(), sorted_.end());
-    std::size_t middle = 0;
-    while (middle + 1 < sorted_.size() && (half -= sorted_[middle].second) > 0) ++middle;
-    return std::max(kLeastOutlier * static_cast<float>(current_.scale), 4 * sorted_[middle].first);
+    std::size_t median = 0;
+    while (median + 1 < sorted_.size() && (half -= sorted_[median].second) > 0) ++median;
+    return std::max(kLeastOutlier * static_cast<float>(current_.scale), 4 * sorted_[median].first);
   }
 
   Eigen::Vector2f error_px(const Flow& f, const Eigen::Vector3f& q) const {
@@ -247,7 +247,7 @@ class CameraMotion {
   CornerImage last_, current_;
   Eigen::Isometry3d last_motion_ = Eigen::Isometry3d::Identity();
   double usual_support_ = 1;
-  detail::TurnAlignment alignment_;
+  detail::RotationAlignment alignment_;
   detail::FlowConsensus consensus_, other_consensus_;
   std::vector<Eigen::Vector2f> errors_, other_errors_;
   std::vector<std::pair<float, float>> sorted_;  // error and area

@@ -19,8 +19,8 @@ class ConstantVelocity {
     moving_ = known_ && step_s > 0 && step_s < kMaxGap_s;
     if (moving_) {
       const Eigen::Isometry3d T_new_last = T_world_camera.inverse() * T_world_last_;
-      const Eigen::AngleAxisd turn(T_new_last.linear());
-      turn_per_s_ = turn.angle() / step_s * turn.axis();
+      const Eigen::AngleAxisd rotation(T_new_last.linear());
+      rotation_per_s_ = rotation.angle() / step_s * rotation.axis();
       speed_per_s_ = T_new_last.translation() / step_s;
     }
     T_world_last_ = T_world_camera;
@@ -37,17 +37,18 @@ class ConstantVelocity {
     const double step_s = to_s - from_s;
     if (!moving_ || !(step_s > 0 && step_s < kMaxGap_s) || !(to_s - last_s_ < kMaxGap_s))
       return std::nullopt;
-    const Eigen::Vector3d turn = turn_per_s_ * step_s;
+    const Eigen::Vector3d rotation = rotation_per_s_ * step_s;
     Eigen::Isometry3d T_to_from = Eigen::Isometry3d::Identity();
-    if (turn.norm() > 0)
-      T_to_from.linear() = Eigen::AngleAxisd(turn.norm(), turn.normalized()).toRotationMatrix();
+    if (rotation.norm() > 0)
+      T_to_from.linear() =
+          Eigen::AngleAxisd(rotation.norm(), rotation.normalized()).toRotationMatrix();
     T_to_from.translation() = speed_per_s_ * step_s;
     return T_to_from;
   }
 
  private:
   Eigen::Isometry3d T_world_last_ = Eigen::Isometry3d::Identity();
-  Eigen::Vector3d turn_per_s_ = Eigen::Vector3d::Zero();
+  Eigen::Vector3d rotation_per_s_ = Eigen::Vector3d::Zero();
   Eigen::Vector3d speed_per_s_ = Eigen::Vector3d::Zero();
   double last_s_ = 0;
   bool known_ = false, moving_ = false;

@@ -243,7 +243,7 @@ class EgoMotion {
   std::optional<Eigen::Isometry3d> predicted_;  // by the host
   std::optional<Eigen::Isometry3d> motion_;
   std::optional<Eigen::Isometry3d> host_pose_;  // of the frame before, then of the last one
-  bool corrected_ = false;                      // the host has told the last frame's pose
+  bool corrected_ = false;                      // the host gave the last frame's pose
   Eigen::Isometry3d before_ = Eigen::Isometry3d::Identity();  // pose of the frame before the last
   Eigen::Isometry3d T_world_camera_ = Eigen::Isometry3d::Identity();
   double last_s_ = -std::numeric_limits<double>::infinity();

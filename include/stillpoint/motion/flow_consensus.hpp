@@ -11,7 +11,7 @@
 
 #include "stillpoint/core/random.hpp"
 #include "stillpoint/motion/corner_image.hpp"
-#include "stillpoint/motion/lanes.hpp"
+#include "stillpoint/motion/packet.hpp"
 
 namespace stillpoint::detail {
 
@@ -65,12 +65,12 @@ class FlowConsensus {
 
   /// Share of the area that agrees with a motion.
   double support(const Eigen::Isometry3d& T_current_last) const {
-    const Mover move(T_current_last);
-    Lanes agree = Lanes::Zero(), all = Lanes::Zero();
+    const Motion move(T_current_last);
+    Packet agree = Packet::Zero(), all = Packet::Zero();
     for (const Block& b : blocks_) {
       const View seen = look(b, move);
       // 0 where a depth that is known speaks against it.
-      const Lanes excess = (b.depth - seen.z).abs() - (0.03f + 0.012f * seen.z * seen.z);
+      const Packet excess = (b.depth - seen.z).abs() - (0.03f + 0.012f * seen.z * seen.z);
       agree += b.area * seen.nearness * (1 - (excess * b.has_depth * kHuge).max(0.0f)).max(0.0f);
       all += b.area;
     }
@@ -105,10 +105,10 @@ class FlowConsensus {
   static constexpr double kTinyStep = 1e-5;
   static constexpr double kPromising = 0.5;
 
-  // Four flows side by side; lanes without one have no area.
+  // Four flows in packets; places without a flow have no area.
   struct Block {
-    Lanes x = Lanes::Zero(), y = x, z = Lanes::Ones();  // in space before
-    Lanes u = x, v = x, depth = x, has_depth = x, area = x;
+    Packet x = Packet::Zero(), y = x, z = Packet::Ones();  // in space before
+    Packet u = x, v = x, depth = x, has_depth = x, area = x;
 
     void set(Eigen::Index k, const Flow& f) {
       x[k] = f.from.x(), y[k] = f.from.y(), z[k] = f.from.z();
@@ -117,17 +117,17 @@ class FlowConsensus {
     }
   };
 
-  struct Mover {
+  struct Motion {
     Eigen::Matrix3f R;
     Eigen::Vector3f t;
-    explicit Mover(const Eigen::Isometry3d& T)
+    explicit Motion(const Eigen::Isometry3d& T)
         : R(T.linear().cast<float>()), t(T.translation().cast<float>()) {}
   };
 
   // How a motion explains a block: place in space over z, z, the errors in pixels, and 1 where the
   // corner is seen just there, falling to 0 at the greatest error.
   struct View {
-    Lanes x, y, z, eu, ev, nearness;
+    Packet x, y, z, eu, ev, nearness;
   };
 
   struct Normal {
@@ -142,12 +142,12 @@ class FlowConsensus {
     per_square_ = 1 / (max_error_px * max_error_px);
   }
 
-  View look(const Block& b, const Mover& m) const {
+  View look(const Block& b, const Motion& m) const {
     View s;
     // What came too close is nowhere near its corner.
     s.z = (m.R(2, 0) * b.x + m.R(2, 1) * b.y + m.R(2, 2) * b.z + m.t[2])
               .max(CornerImage::kLeastDepthM);
-    const Lanes inverse = 1 / s.z;
+    const Packet inverse = 1 / s.z;
     s.x = (m.R(0, 0) * b.x + m.R(0, 1) * b.y + m.R(0, 2) * b.z + m.t[0]) * inverse;
     s.y = (m.R(1, 0) * b.x + m.R(1, 1) * b.y + m.R(1, 2) * b.z + m.t[1]) * inverse;
     s.eu = fx_ * s.x + cx_ - b.u;
@@ -182,19 +182,19 @@ class FlowConsensus {
 
   // All flows within the greatest error of a motion, the nearer the more.
   Normal agreeing(const Eigen::Isometry3d& T) const {
-    const Mover move(T);
+    const Motion move(T);
     const float fx = fx_, fy = fy_;
-    NormalLanes<6> sums;
-    Lanes count = Lanes::Zero();
+    NormalPackets<6> sums;
+    Packet count = Packet::Zero();
     for (const Block& b : blocks_) {
       const View s = look(b, move);
-      const Lanes weight = b.area * s.nearness * s.nearness, inverse = 1 / s.z;
+      const Packet weight = b.area * s.nearness * s.nearness, inverse = 1 / s.z;
       count += (weight * kHuge).min(1.0f);
       sums.add(weight,
-               {fx * inverse, Lanes::Zero(), -fx * inverse * s.x, -fx * s.x * s.y,
+               {fx * inverse, Packet::Zero(), -fx * inverse * s.x, -fx * s.x * s.y,
                 fx * (1 + s.x * s.x), -fx * s.y},
                s.eu,
-               {Lanes::Zero(), fy * inverse, -fy * inverse * s.y, -fy * (1 + s.y * s.y),
+               {Packet::Zero(), fy * inverse, -fy * inverse * s.y, -fy * (1 + s.y * s.y),
                 fy * s.x * s.y, fy * s.x},
                s.ev);
     }
@@ -242,7 +242,7 @@ class FlowConsensus {
   float tolerance_ = 1;   // times kMaxError
   float per_square_ = 1;  // 1 over the square of the greatest error, pixels
   std::vector<Flow> flows_;
-  std::vector<Block> blocks_;  // the same, four side by side
+  std::vector<Block> blocks_;  // the same, four in a packet
 };
 
 }  // namespace stillpoint::detail

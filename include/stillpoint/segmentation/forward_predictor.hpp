@@ -32,7 +32,7 @@ namespace stillpoint {
 /// is found there.
 ///
 /// Per frame: forward(), then remember() with the objects that the compensator remembers. For a
-/// segmenter that is late it keeps copies of the depth pictures of the last max_age_s; one that
+/// segmenter that is late it keeps copies of the depth images of the last max_age_s; one that
 /// gives each frame its result costs nothing. Not thread-safe.
 class ForwardPredictor {
  public:
@@ -84,8 +84,8 @@ class ForwardPredictor {
   std::uint32_t status() const { return status_; }
 
  private:
-  // An object's own way: in the picture, and away from the camera (metres).
-  struct Way {
+  // An object's own displacement: in the image (pixels), and away from the camera (metres).
+  struct Displacement {
     cv::Point2d place;
     float depth_m;
   };
@@ -134,9 +134,9 @@ class ForwardPredictor {
     return (*T * (z * ray.homogeneous()).cast<double>()).z();
   }
 
-  // The object's own way in the picture since frame `then`, the camera's motion taken away: along
-  // its track up to the last frame, and on at the same speed.
-  std::optional<Way> tracked_motion(const Instance& instance, std::size_t then) const {
+  // The object's own displacement since frame `then`, without the camera's motion: along its track
+  // up to the last frame, and on at the same speed.
+  std::optional<Displacement> tracked_motion(const Instance& instance, std::size_t then) const {
     if (then + 2 > frames_.size()) return std::nullopt;
     const FrameHistory::Track* start = nullptr;
     double best = 0.3;
@@ -158,19 +158,19 @@ class ForwardPredictor {
                                   ? depth_of(track.center, track.z, T_last) -
                                         depth_of(start->center, start->z, T_then)
                                   : 0;
-        return Way{(to - from) * on, static_cast<float>(nearer * on)};
+        return Displacement{(to - from) * on, static_cast<float>(nearer * on)};
       }
     return std::nullopt;
   }
 
   // The same, at the speed from the last result to this one (the newest of seen_).
-  std::optional<Way> motion_between_results(std::size_t then) const {
+  std::optional<Displacement> motion_between_results(std::size_t then) const {
     const Seen& now = seen_.back();
     const double since = frames_[then].timestamp - last_seen_s_;
     const std::size_t before = frames_.index_of(last_seen_s_);
     if (!(since > 0) || before >= then) return std::nullopt;
     const std::optional<Eigen::Isometry3d> T = frames_.motion(before, then);
-    std::optional<Way> way;
+    std::optional<Displacement> own;
     double best = 0.3;
     for (const Seen& old : last_seen_) {
       const cv::Point2d still = transfer(old.center, old.z, T);
@@ -178,10 +178,10 @@ class ForwardPredictor {
                             static_cast<int>(still.y - old.center.y));
       const double both = ((old.box + shift) & now.box).area();
       const double overlap = both / (old.box.area() + now.box.area() - both);
-      if (overlap > best) best = overlap, way = Way{now.center - still, 0};
+      if (overlap > best) best = overlap, own = Displacement{now.center - still, 0};
     }
-    if (way) way->place *= (frames_.newest().timestamp - frames_[then].timestamp) / since;
-    return way;
+    if (own) own->place *= (frames_.newest().timestamp - frames_[then].timestamp) / since;
+    return own;
   }
 
   // In a bare box the object is in the middle columns.
@@ -198,19 +198,20 @@ class ForwardPredictor {
   // there any more.
   bool find(const FrameContext& context, const DepthView& depth, const Instance& instance,
             std::size_t then, bool can_look) {
-    // What depth followed is surer than the way between two results; without depth, it is not.
-    const std::optional<Way> tracked = tracked_motion(instance, then);
-    const std::optional<Way> between = motion_between_results(then);
+    // With depth, the track is more reliable than the displacement between two results; without
+    // depth, less.
+    const std::optional<Displacement> tracked = tracked_motion(instance, then);
+    const std::optional<Displacement> between = motion_between_results(then);
     if (!can_look) {
       if (between || tracked) move(between ? *between : *tracked);
       return true;
     }
     // A copy of the place, as a search that fails has moved it.
     const RememberedObject::Place still = object_.place();
-    for (const std::optional<Way>& way : {tracked, between}) {
-      if (!way) continue;
+    for (const std::optional<Displacement>& own : {tracked, between}) {
+      if (!own) continue;
       object_.set_place(still);
-      move(*way);
+      move(*own);
       if (locator_.locate(context, depth, object_)) return true;
     }
     const double px_per_m = depth.focal_px() / object_.depth_m();
@@ -228,10 +229,10 @@ class ForwardPredictor {
     return false;
   }
 
-  void move(const Way& way) {
-    object_.shift_depth(way.depth_m);
+  void move(const Displacement& own) {
+    object_.shift_depth(own.depth_m);
     object_.shift_prediction(
-        {static_cast<int>(std::lround(way.place.x)), static_cast<int>(std::lround(way.place.y))});
+        {static_cast<int>(std::lround(own.place.x)), static_cast<int>(std::lround(own.place.y))});
   }
 
   bool carry_one(const FrameContext& context, const DepthView& depth, std::size_t then,

@@ -6,7 +6,7 @@
 
 namespace stillpoint {
 
-/// A place in the picture at a time: Q_i = (x_i, y_i, t_i) of the paper.
+/// A place in the image at a time: Q_i = (x_i, y_i, t_i) of the paper.
 struct TimedPoint {
   double x, y, timestamp;
 };

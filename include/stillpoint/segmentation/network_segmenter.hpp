@@ -68,9 +68,9 @@ struct NetworkSegmenterSettings {
   }
 };
 
-/// A network as a Segmenter: fits the picture into the input, runs it, decodes its outputs.
+/// A network as a Segmenter: fits the image into the input, runs it, decodes its outputs.
 ///
-/// The constructor runs the network once on a grey picture: what cannot work is said there. Reports
+/// The constructor runs the network once on a grey image: what cannot work is said there. Reports
 /// the objects of all classes; which of them are dynamic is a setting of FrontEnd. Not thread-safe.
 class NetworkSegmenter : public Segmenter {
  public:
@@ -100,12 +100,12 @@ class NetworkSegmenter : public Segmenter {
     name_classes(decoder_->classes(outputs));
   }
 
-  /// Segments a frame's color picture. Throws Error if the network fails or gives NaN.
+  /// Segments a frame's color image. Throws Error if the network fails or gives NaN.
   Segmentation segment(const RgbdFrame& frame) override {
     check_frame(frame);
     const cv::Size size = complete_input_size(size_, frame.color.size());
     const NetworkInput input = decoder_->input();
-    const PicturePlacement place = place_picture(frame.color.size(), size, input.fit);
+    const ImagePlacement place = place_image(frame.color.size(), size, input.fit);
     const std::vector<TensorView> outputs =
         runtime_->run(preparer_.prepare(frame.color, input, place), size);
     detail::check(decoder_->fits(outputs, size) && decoder_->classes(outputs) == class_count_, [&] {

@@ -26,7 +26,7 @@ class ObjectLocator {
   /// Moves the object's prediction to where it is found; false if it is not there (any more).
   /// `depth` may be empty. O(search places x 300 points).
   bool locate(const FrameContext& context, const DepthView& depth, RememberedObject& object) {
-    if (share_in_picture(object, context.size()) < 0.15) return false;
+    if (share_in_image(object, context.size()) < 0.15) return false;
     if (!depth.empty() && object.depth_m() > 0) {
       align_by_depth(depth, object);
       const Support s = support(depth, {0, 0});
@@ -72,16 +72,16 @@ class ObjectLocator {
   /// O(search places x 300 points).
   void align_to(const Instance& seen, const cv::Size& size, RememberedObject& object) const {
     object.shift_prediction(best_shift(size, [&](const cv::Point& shift) {
-      const auto covered = [&](const RememberedObject::Point& point, int& in_picture) {
+      const auto covered = [&](const RememberedObject::Point& point, int& in_image) {
         const auto p = object.predicted(point);
         const cv::Point at = cv::Point(round(p.x), round(p.y)) + shift;
-        in_picture += at.x >= 0 && at.y >= 0 && at.x < size.width && at.y < size.height;
+        in_image += at.x >= 0 && at.y >= 0 && at.x < size.width && at.y < size.height;
         return covers(seen, at.x, at.y) ? 1 : 0;
       };
-      int score = 0, in_picture = 0, ignored = 0;
-      for (const auto& point : object.inside()) score += 2 * covered(point, in_picture);
+      int score = 0, in_image = 0, ignored = 0;
+      for (const auto& point : object.inside()) score += 2 * covered(point, in_image);
       for (const auto& point : object.ring()) score -= covered(point, ignored);
-      return score - in_picture;
+      return score - in_image;
     }));
   }
 
@@ -97,7 +97,7 @@ class ObjectLocator {
                : static_cast<double>(held) / static_cast<double>(object.inside().size());
   }
 
-  /// Share of the object's predicted pixels in the picture that none of the first `count` instances
+  /// Share of the object's predicted pixels in the image that none of the first `count` instances
   /// covers although, as far as the depth can tell, the object is there.
   double missing_share(const DepthView& depth, const cv::Size& size, const RememberedObject& object,
                        const std::vector<Instance>& instances, std::size_t count) const {
@@ -140,7 +140,7 @@ class ObjectLocator {
            (s.mask.data == nullptr || s.mask.ptr<uchar>(v)[u] != 0);
   }
 
-  static double share_in_picture(const RememberedObject& object, const cv::Size& size) {
+  static double share_in_image(const RememberedObject& object, const cv::Size& size) {
     std::size_t in = 0;
     for (const auto& point : object.inside()) {
       const auto p = object.predicted(point);

@@ -12,7 +12,7 @@ namespace stillpoint {
 /// The seam to a network, a detector or a folder of masks.
 ///
 /// Implement one function. Return `available = false` when there is no result for this frame;
-/// `available = true` with no instances when nobody is in view. Boxes lie inside the picture, masks
+/// `available = true` with no instances when nobody is in view. Boxes lie inside the image, masks
 /// are CV_8UC1 of their box's size with 255 = object (see Instance). It may throw: the front end
 /// goes on with predicted masks and says kSegmenterFailed. Called from one thread at a time.
 class Segmenter {

@@ -11,7 +11,7 @@
 
 namespace stillpoint {
 
-/// A small sampled picture of an object, to look for it near a place in the next frame (the local
+/// Samples of an object's image, to look for it near a place in the next frame (the local
 /// template matching of paper section 3.1).
 class TemplatePatch {
  public:
@@ -31,7 +31,7 @@ class TemplatePatch {
 
   /// Best zero-mean normalised correlation with the patch's upper-left corner within
   /// `radius_px` of `corner`, which is set to the best place; -1 if too little of it is in the
-  /// picture or it has no texture. O(radius^2 x samples).
+  /// image or it has no texture. O(radius^2 x samples).
   double locate(const cv::Mat& gray, int radius_px, cv::Point& corner) const {
     double best = -1;
     const cv::Point start = corner;

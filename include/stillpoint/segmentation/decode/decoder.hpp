@@ -30,17 +30,17 @@ class Decoder {
   virtual const char* name() const = 0;
   /// The outputs that it reads, for messages.
   virtual const char* expects() const = 0;
-  /// How the network wants its picture.
+  /// How the network wants its image.
   virtual NetworkInput input() const = 0;
   /// True if a network with that input size and these outputs is one of its kind.
   virtual bool fits(const std::vector<TensorView>& outputs, const cv::Size& input) const = 0;
   /// Number of classes in outputs that fit.
   virtual int classes(const std::vector<TensorView>& outputs) const = 0;
   /// Decodes outputs that fit. `names` has one name per class. Boxes and masks are as written at
-  /// Instance, for the placed picture; masks are empty for detectors of boxes. Sorted by score.
+  /// Instance, for the placed image; masks are empty for detectors of boxes. Sorted by score.
   /// Throws Error if scores are NaN.
   virtual std::vector<Instance> decode(const std::vector<TensorView>& outputs,
-                                       const PicturePlacement& place,
+                                       const ImagePlacement& place,
                                        const std::vector<std::string>& names,
                                        const DecoderSettings& settings) const = 0;
 };

@@ -83,13 +83,13 @@ inline void suppress_overlaps(std::vector<Detection>& detections, const DecoderS
   detections.resize(std::min(kept, static_cast<std::size_t>(std::max(0, settings.max_instances))));
 }
 
-/// Maps the centre of picture pixel x to a place in a grid of soft values: scale * x + offset.
+/// Maps the centre of image pixel x to a place in a grid of soft values: scale * x + offset.
 struct GridMap {
   double scale_x, offset_x, scale_y, offset_y;
 };
 
 /// The grid with cells of `step` input pixels that covers the whole input.
-inline GridMap input_grid(const PicturePlacement& place, double step_x, double step_y) {
+inline GridMap input_grid(const ImagePlacement& place, double step_x, double step_y) {
   return {place.scale_x / step_x, (0.5 * place.scale_x + place.offset_x) / step_x - 0.5,
           place.scale_y / step_y, (0.5 * place.scale_y + place.offset_y) / step_y - 0.5};
 }
@@ -142,7 +142,7 @@ inline void add_masked(const std::string& class_name, float score, const cv::Rec
   instances.push_back(std::move(instance));
 }
 
-/// Adds a bare box; nothing if it lies outside the picture.
+/// Adds a bare box; nothing if it lies outside the image.
 inline void add_box(const std::string& class_name, float score, const cv::Rect& box,
                     std::vector<Instance>& instances) {
   if (box.empty()) return;

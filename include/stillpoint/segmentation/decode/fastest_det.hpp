@@ -31,8 +31,8 @@ class FastestDetDecoder : public Decoder {
   int classes(const std::vector<TensorView>& outputs) const override {
     return outputs[0].dim(1) - 5;
   }
-  std::vector<Instance> decode(const std::vector<TensorView>& outputs,
-                               const PicturePlacement& place, const std::vector<std::string>& names,
+  std::vector<Instance> decode(const std::vector<TensorView>& outputs, const ImagePlacement& place,
+                               const std::vector<std::string>& names,
                                const DecoderSettings& settings) const override {
     const TensorView& t = outputs[0];
     const int rows = t.dim(2), columns = t.dim(3);
@@ -64,7 +64,7 @@ class FastestDetDecoder : public Decoder {
     std::vector<Instance> instances;
     for (const Detection& d : found)
       detail::add_box(names[static_cast<std::size_t>(d.class_id)], d.score,
-                      place.to_picture(d.x0, d.y0, d.x1, d.y1), instances);
+                      place.to_image(d.x0, d.y0, d.x1, d.y1), instances);
     return instances;
   }
 };

@@ -18,7 +18,7 @@ class MaskRcnnDecoder : public Decoder {
  public:
   const char* name() const override { return "mask_rcnn"; }
   const char* expects() const override {
-    return "detection_out_final 1x1xNx7 (picture, class, score, left, top, right, bottom) and "
+    return "detection_out_final 1x1xNx7 (image, class, score, left, top, right, bottom) and "
            "detection_masks NxCxmxm";
   }
   NetworkInput input() const override {
@@ -36,8 +36,8 @@ class MaskRcnnDecoder : public Decoder {
   int classes(const std::vector<TensorView>& outputs) const override {
     return find_tensor(outputs, "detection_masks")->dim(1);
   }
-  std::vector<Instance> decode(const std::vector<TensorView>& outputs,
-                               const PicturePlacement& place, const std::vector<std::string>& names,
+  std::vector<Instance> decode(const std::vector<TensorView>& outputs, const ImagePlacement& place,
+                               const std::vector<std::string>& names,
                                const DecoderSettings& settings) const override {
     const TensorView& boxes = *find_tensor(outputs, "detection_out_final");
     const TensorView& masks = *find_tensor(outputs, "detection_masks");
@@ -66,9 +66,9 @@ class MaskRcnnDecoder : public Decoder {
     detail::keep_best(found, static_cast<std::size_t>(std::max(0, settings.max_instances)));
     std::vector<Instance> instances;
     for (const Detection& d : found) {
-      const cv::Rect box = place.to_picture(d.x0, d.y0, d.x1, d.y1);
+      const cv::Rect box = place.to_image(d.x0, d.y0, d.x1, d.y1);
       if (box.empty()) continue;
-      // The grid covers the box as the network gave it, also where it reaches out of the picture.
+      // The grid covers the box as the network gave it, also where it reaches out of the image.
       const double step_x = (static_cast<double>(d.x1) - d.x0) / width;
       const double step_y = (static_cast<double>(d.y1) - d.y0) / height;
       detail::GridMap map = detail::input_grid(place, step_x, step_y);

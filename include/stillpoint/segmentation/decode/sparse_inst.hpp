@@ -35,8 +35,8 @@ class SparseInstDecoder : public Decoder {
   int classes(const std::vector<TensorView>& outputs) const override {
     return find_tensor(outputs, "scores")->dim(2);
   }
-  std::vector<Instance> decode(const std::vector<TensorView>& outputs,
-                               const PicturePlacement& place, const std::vector<std::string>& names,
+  std::vector<Instance> decode(const std::vector<TensorView>& outputs, const ImagePlacement& place,
+                               const std::vector<std::string>& names,
                                const DecoderSettings& settings) const override {
     const TensorView &scores = *find_tensor(outputs, "scores"),
                      &masks = *find_tensor(outputs, "masks");
@@ -60,7 +60,7 @@ class SparseInstDecoder : public Decoder {
     std::vector<Instance> instances;
     for (const Detection& d : found) {
       // One more on each side: interpolation reaches there.
-      const cv::Rect box = place.to_picture(d.x0 - 1, d.y0 - 1, d.x1 + 1, d.y1 + 1);
+      const cv::Rect box = place.to_image(d.x0 - 1, d.y0 - 1, d.x1 + 1, d.y1 + 1);
       if (box.empty()) continue;
       const cv::Mat mask = detail::threshold_soft_mask(masks.data + d.source * plane, width, height,
                                                        map, box, threshold);

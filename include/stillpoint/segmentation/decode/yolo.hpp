@@ -26,14 +26,14 @@ inline NetworkInput yolo_input() {
 /// Masks as products of coefficients and prototypes (1 x P x H/4 x W/4).
 class PrototypeMasks {
  public:
-  PrototypeMasks(const TensorView& prototypes, const PicturePlacement& place)
+  PrototypeMasks(const TensorView& prototypes, const ImagePlacement& place)
       : prototypes_(prototypes), place_(place) {}
 
   /// Adds the detection with its mask inside its box; coefficients lie `step` apart. O(P x cells of
   /// the box + pixels of the box).
   void add(const Detection& d, const float* coefficients, std::size_t step, float threshold,
            const std::string& class_name, std::vector<Instance>& instances) {
-    const cv::Rect box = place_.to_picture(d.x0, d.y0, d.x1, d.y1);
+    const cv::Rect box = place_.to_image(d.x0, d.y0, d.x1, d.y1);
     if (box.empty()) return;
     const int count = prototypes_.dim(1), height = prototypes_.dim(2), width = prototypes_.dim(3);
     const std::size_t plane = static_cast<std::size_t>(height) * static_cast<std::size_t>(width);
@@ -67,7 +67,7 @@ class PrototypeMasks {
 
  private:
   const TensorView& prototypes_;
-  const PicturePlacement& place_;
+  const ImagePlacement& place_;
   std::vector<float> soft_;
 };
 
@@ -119,8 +119,8 @@ class YoloDecoder : public Decoder {
     return with_objectness(boxes) ? boxes.dim(2) - 5 : boxes.dim(1) - 4;
   }
 
-  std::vector<Instance> decode(const std::vector<TensorView>& outputs,
-                               const PicturePlacement& place, const std::vector<std::string>& names,
+  std::vector<Instance> decode(const std::vector<TensorView>& outputs, const ImagePlacement& place,
+                               const std::vector<std::string>& names,
                                const DecoderSettings& settings) const override {
     const TensorView& boxes = *boxes_of(outputs);
     const bool objectness = !masks_ && with_objectness(boxes);
@@ -151,7 +151,7 @@ class YoloDecoder : public Decoder {
     if (!masks_) {
       for (const Detection& d : found)
         detail::add_box(names[static_cast<std::size_t>(d.class_id)], d.score,
-                        place.to_picture(d.x0, d.y0, d.x1, d.y1), instances);
+                        place.to_image(d.x0, d.y0, d.x1, d.y1), instances);
       return instances;
     }
     const float threshold = settings.mask_threshold > 0 ? settings.mask_threshold : 0.5f;
@@ -214,8 +214,8 @@ class HeadlessYoloDecoder : public Decoder {
     return find_tensor(outputs, "cls8")->dim(1);
   }
 
-  std::vector<Instance> decode(const std::vector<TensorView>& outputs,
-                               const PicturePlacement& place, const std::vector<std::string>& names,
+  std::vector<Instance> decode(const std::vector<TensorView>& outputs, const ImagePlacement& place,
+                               const std::vector<std::string>& names,
                                const DecoderSettings& settings) const override {
     const float least = settings.min_score > 0 ? settings.min_score : 0.25f;
     const float least_logit = std::log(least / std::max(1e-6f, 1 - least));

@@ -12,7 +12,7 @@
 
 namespace stillpoint::rgbd_slam {
 
-/// Finds T_camera_world from observations of which many may be wrong (P3P in RANSAC, then
+/// Finds T_camera_world from observations of which many may be wrong (EPnP in RANSAC, then
 /// optimize_pose). Sets `inlier` of each; no value below `min_inliers`. Deterministic: OpenCV's
 /// RANSAC starts from a fixed seed.
 inline std::optional<Eigen::Isometry3d> solve_pnp_ransac(const Camera& camera,

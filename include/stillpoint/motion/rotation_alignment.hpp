@@ -13,13 +13,13 @@
 #include <optional>
 
 #include "stillpoint/motion/corner_image.hpp"
-#include "stillpoint/motion/lanes.hpp"
+#include "stillpoint/motion/packet.hpp"
 
 namespace stillpoint::detail {
 
-/// The rotation of the camera by the whole images: corners are found again from a near guess
-/// only, but images made very small fit from far.
-class TurnAlignment {
+/// Estimates the rotation of the camera from whole images made very small. Corners are found again
+/// only where the guess is near; small images can be aligned from far.
+class RotationAlignment {
  public:
   /// Maps points of the camera before into the one now, with the translation of `guess`; `guess`
   /// where the images do not fit. O(pixels / 16 of the fine images).
@@ -52,7 +52,7 @@ class TurnAlignment {
   }
 
  private:
-  // Of a image whose pixels are squares of `px` of the frame's.
+  // The camera of an image whose pixels are squares of `px` of the frame's.
   static Eigen::Matrix3d small_camera(const CornerImage& image, double px) {
     Eigen::Matrix3d K = Eigen::Matrix3d::Identity();
     K(0, 0) = image.fx / px, K(0, 2) = (image.cx + 0.5) / px - 0.5;
@@ -70,25 +70,25 @@ class TurnAlignment {
                         cv::INTER_LINEAR | cv::WARP_INVERSE_MAP, cv::BORDER_CONSTANT, -1);
     const float fx = static_cast<float>(K(0, 0)), cx = static_cast<float>(K(0, 2));
     const float fy = static_cast<float>(K(1, 1)), cy = static_cast<float>(K(1, 2));
-    const auto four = [](const float* first) { return Eigen::Map<const Lanes>(first); };
-    NormalLanes<4> normal;
+    const auto four = [](const float* first) { return Eigen::Map<const Packet>(first); };
+    NormalPackets<4> normal;
     for (int v = 1; v + 1 < small_.rows; ++v) {
       const float* before = small_before_.ptr<float>(v);
       const float* above = small_before_.ptr<float>(v - 1);
       const float* below = small_before_.ptr<float>(v + 1);
       const float* now = warped_.ptr<float>(v);
-      const Lanes y = Lanes::Constant((static_cast<float>(v) - cy) / fy);
+      const Packet y = Packet::Constant((static_cast<float>(v) - cy) / fy);
       for (int u = 1; u + 4 < small_.cols; u += 4) {
-        const Lanes x = (static_cast<float>(u) - cx + Lanes(0, 1, 2, 3)) / fx;
-        const Lanes gx = 0.5f * fx * (four(before + u + 1) - four(before + u - 1));
-        const Lanes gy = 0.5f * fy * (four(below + u) - four(above + u));
-        const Lanes seen = (four(now + u) * kHuge + 1).max(0.0f).min(1.0f);  // 0: out of view
-        const Lanes error = four(now + u) - four(before + u) - brighter;
-        const Lanes likely = 1 / (1 + error * error * (1 / (unlike * unlike)));
-        // Of a turn about x, y and z, and the brightness.
+        const Packet x = (static_cast<float>(u) - cx + Packet(0, 1, 2, 3)) / fx;
+        const Packet gx = 0.5f * fx * (four(before + u + 1) - four(before + u - 1));
+        const Packet gy = 0.5f * fy * (four(below + u) - four(above + u));
+        const Packet seen = (four(now + u) * kHuge + 1).max(0.0f).min(1.0f);  // 0: out of view
+        const Packet error = four(now + u) - four(before + u) - brighter;
+        const Packet likely = 1 / (1 + error * error * (1 / (unlike * unlike)));
+        // The unknowns: a rotation about x, y and z, and a change of brightness.
         normal.add(seen * likely * likely,
                    {-gx * x * y - gy * (1 + y * y), gx * (1 + x * x) + gy * x * y, gy * x - gx * y,
-                    Lanes::Ones()},
+                    Packet::Ones()},
                    error);
       }
     }
