@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include <algorithm>
 #include <cstdio>
-#include <map>
 #include <memory>
 
 #include "bench_paper.hpp"
@@ -107,16 +106,6 @@ std::vector<std::string> write_page(const std::vector<fs::path>& folders, const 
   return broken_runs(results, plan);
 }
 
-/// One sequence may lack a folder of masks; a name that none has is mistyped.
-void check_masks_folders(const BenchPlan& plan) {
-  for (const std::string& folder : plan.masks_folders)
-    if (folder != "masks" &&
-        std::none_of(plan.sequences.begin(), plan.sequences.end(),
-                     [&](const fs::path& s) { return fs::is_directory(s / folder); }))
-      throw Error("--masks-folder: expected a folder inside a sequence, found no \"" + folder +
-                  "\" in any of them");
-}
-
 /// Refuses options that do not go together.
 void check_options(const BenchOptions& options) {
   const bool sequences = !options.plan.sequences.empty(), paper = !options.paper.empty();
@@ -133,23 +122,6 @@ void check_options(const BenchOptions& options) {
   if (sequences && paper)
     throw CLI::ValidationError("--paper", "finds its sequences, so it takes no SEQUENCE; found " +
                                               options.plan.sequences.front().string());
-}
-
-/// Rows of two presets that --settings or --set made one would be equal without a word.
-void check_presets_differ(const std::vector<BenchJob>& jobs) {
-  std::map<std::string, std::string> presets;  // by all their settings
-  for (const BenchJob& job : jobs) {
-    if (!job.estimate.empty() || !job.settings.front_end || !job.settings.varied.empty()) continue;
-    RunSettings settings = job.settings;
-    settings.without.clear(), settings.seed = 0;
-    const std::string& preset =
-        presets.emplace(all_settings(front_end_settings(settings)).dump(), settings.preset)
-            .first->second;
-    if (preset != settings.preset)
-      throw Error("--settings, --set: expected settings that leave the presets " + preset +
-                  " and " + settings.preset +
-                  " different, found none that differs; take one of them by --variants");
-  }
 }
 
 void merge(const BenchOptions& options) {

@@ -2,8 +2,10 @@
 #include "bench_plan.hpp"
 
 #include <algorithm>
+#include <map>
 #include <set>
 
+#include "front_end_options.hpp"
 #include "stillpoint/core/error.hpp"
 #include "stillpoint/io/setting_names.hpp"
 #include "stillpoint/io/text_file.hpp"
@@ -193,6 +195,31 @@ std::vector<BenchJob> make_jobs(const BenchPlan& plan, std::vector<std::string>&
     add_jobs(plan, sequence, name, chosen, jobs, notes);
   }
   return jobs;
+}
+
+void check_masks_folders(const BenchPlan& plan) {
+  for (const std::string& folder : plan.masks_folders)
+    if (folder != "masks" &&
+        std::none_of(plan.sequences.begin(), plan.sequences.end(),
+                     [&](const fs::path& s) { return fs::is_directory(s / folder); }))
+      throw Error("--masks-folder: expected a folder inside a sequence, found no \"" + folder +
+                  "\" in any of them");
+}
+
+void check_presets_differ(const std::vector<BenchJob>& jobs) {
+  std::map<std::string, std::string> presets;  // by all their settings
+  for (const BenchJob& job : jobs) {
+    if (!job.estimate.empty() || !job.settings.front_end || !job.settings.varied.empty()) continue;
+    RunSettings settings = job.settings;
+    settings.without.clear(), settings.seed = 0;
+    const std::string& preset =
+        presets.emplace(all_settings(front_end_settings(settings)).dump(), settings.preset)
+            .first->second;
+    if (preset != settings.preset)
+      throw Error("--settings, --set: expected settings that leave the presets " + preset +
+                  " and " + settings.preset +
+                  " different, found none that differs; take one of them by --variants");
+  }
 }
 
 }  // namespace stillpoint::cli

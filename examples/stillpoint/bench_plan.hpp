@@ -66,6 +66,13 @@ struct BenchPlan {
   RunSettings common;
 };
 
+/// One sequence may lack a folder of masks; a name that none has is mistyped. Throws Error.
+void check_masks_folders(const BenchPlan& plan);
+
+/// Rows of two presets that --settings or --set made one would be equal without a word. Throws
+/// Error.
+void check_presets_differ(const std::vector<BenchJob>& jobs);
+
 /// The jobs of a plan, in the order of the table. Variants that a sequence has no masks for are
 /// left out, with a line for each in `notes`. Throws Error for an unknown variant, a folder that
 /// is no sequence, or an estimate that is not NAME=FILE.

@@ -8,6 +8,65 @@
 namespace stillpoint {
 namespace {
 
+TEST_F(Cli, EvaluatePrintsItsKeys) {
+  ASSERT_EQ(run("run walk --out eval --tracker vo").code, 0);
+  const std::string files = "--groundtruth walk/groundtruth.txt --estimate eval/trajectory.txt";
+  const Result r = run("evaluate --json " + files);
+  ASSERT_EQ(r.code, 0) << r.err;
+  const Json json = Json::parse(r.out);
+  for (const char* key : {"ate_rmse_m", "ate_sd_m", "ate_mean_m", "ate_median_m", "ate_max_m",
+                          "rpe_trans_m", "rpe_rot_deg", "coverage", "pairs"})
+    EXPECT_TRUE(json[key].is_number()) << key;
+  EXPECT_EQ(json["pairs"], 12);
+  EXPECT_DOUBLE_EQ(json["coverage"], 1);
+  // The file has a finite number of digits.
+  EXPECT_NEAR(json["ate_rmse_m"], json_of(path("eval") / "stats.json")["evaluation"]["ate_rmse_m"],
+              1e-7);
+  EXPECT_NE(run("evaluate " + files).out.find("ATE"), std::string::npos);
+
+  // A quarter of the poses: a small error, and said to be a failure.
+  const Trajectory all = read_trajectory(path("eval") / "trajectory.txt");
+  write_trajectory(path("eval") / "short.txt", Trajectory(all.begin(), all.begin() + 4));
+  const Result cut =
+      run("evaluate --groundtruth walk/groundtruth.txt --estimate eval/short.txt --frames "
+          "walk/rgb.txt");
+  EXPECT_EQ(cut.code, 0);
+  EXPECT_NE(cut.out.find("33.3 %"), std::string::npos) << cut.out;
+  EXPECT_NE(cut.out.find("FAILED"), std::string::npos) << cut.out;
+}
+
+TEST_F(Cli, EvaluateAndRunAgreeOnTheCoverage) {
+  // A camera that dropped two frames, and one color picture without depth: neither is lost track.
+  fs::copy(path("walk"), path("gaps"), fs::copy_options::recursive);
+  fs::remove(path("gaps") / "associations.txt");
+  const auto shorten = [&](const char* list, std::vector<int> dropped) {
+    std::istringstream in(text_of(path("walk") / list));
+    std::ofstream out(path("gaps") / list, std::ios::binary);
+    int frame = 0;
+    for (std::string line; std::getline(in, line);)
+      if (line[0] == '#' || std::find(dropped.begin(), dropped.end(), frame++) == dropped.end())
+        out << line << "\n";
+  };
+  shorten("rgb.txt", {4, 5});
+  shorten("depth.txt", {4, 5, 8});
+  ASSERT_EQ(run("run gaps --out gaps_out --tracker vo").code, 0);
+  const Json stats = json_of(path("gaps_out") / "stats.json");
+  EXPECT_EQ(stats["coverage"], 1.0);
+  const std::string files =
+      "evaluate --json --groundtruth gaps/groundtruth.txt --estimate gaps_out/trajectory.txt";
+  for (const char* frames : {"", " --frames gaps/rgb.txt"}) {
+    const Result r = run(files + frames);
+    ASSERT_EQ(r.code, 0) << r.err;
+    EXPECT_EQ(Json::parse(r.out)["coverage"], stats["coverage"]) << frames;
+    EXPECT_EQ(Json::parse(r.out)["frames_from"], "gaps/rgb.txt") << frames;
+  }
+  // Nothing but trajectories: a guess, said to be one.
+  fs::copy(path("gaps") / "groundtruth.txt", path("alone.txt"));
+  EXPECT_NE(run("evaluate --groundtruth alone.txt --estimate gaps_out/trajectory.txt")
+                .out.find("frames are guessed"),
+            std::string::npos);
+}
+
 TEST_F(Cli, OnlinePosesStandBesideTheFinalOnes) {
   const Result r = run("run walk --out online --frames 12");
   ASSERT_EQ(r.code, 0) << r.err;
