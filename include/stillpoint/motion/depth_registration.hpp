@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #pragma once
 
-#include <Eigen/Cholesky>
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 #include <algorithm>
@@ -12,6 +11,7 @@
 #include <optional>
 #include <vector>
 
+#include "stillpoint/core/normal_equations.hpp"
 #include "stillpoint/motion/depth_cells.hpp"
 #include "stillpoint/motion/free_space_map.hpp"
 #include "stillpoint/sensor/sensor_model.hpp"
@@ -161,8 +161,9 @@ class DepthRegistration {
     H.diagonal().tail<3>().array() += of_r;
     g.head<3>() += of_t * off.translation();
     g.tail<3>() += of_r * rotation;
-    const Eigen::Matrix<double, 6, 1> d = -H.ldlt().solve(g);
-    if (!d.allFinite()) return std::numeric_limits<double>::infinity();
+    const auto solved = detail::solve_normal_equations<6>(H, -g);
+    if (!solved) return std::numeric_limits<double>::infinity();
+    const Eigen::Matrix<double, 6, 1>& d = *solved;
     const double angle = d.tail<3>().norm();
     Eigen::Isometry3d step = Eigen::Isometry3d::Identity();
     if (angle > 1e-12)

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #pragma once
 
-#include <Eigen/Cholesky>
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 #include <array>
@@ -9,6 +8,7 @@
 #include <optional>
 #include <vector>
 
+#include "stillpoint/core/normal_equations.hpp"
 #include "stillpoint/core/random.hpp"
 #include "stillpoint/motion/corner_image.hpp"
 #include "stillpoint/motion/packet.hpp"
@@ -66,7 +66,7 @@ class FlowConsensus {
   /// Share of the area that agrees with a motion.
   double support(const Eigen::Isometry3d& T_current_last) const {
     const Motion move(T_current_last);
-    Packet agree = Packet::Zero(), all = Packet::Zero();
+    Packet agree = Packet::constant(0), all = Packet::constant(0);
     for (const Block& b : blocks_) {
       const View seen = look(b, move);
       // 0 where a depth that is known speaks against it.
@@ -107,7 +107,7 @@ class FlowConsensus {
 
   // Four flows in packets; places without a flow have no area.
   struct Block {
-    Packet x = Packet::Zero(), y = x, z = Packet::Ones();  // in space before
+    Packet x = Packet::constant(0), y = x, z = Packet::constant(1);  // in space before
     Packet u = x, v = x, depth = x, has_depth = x, area = x;
 
     void set(Eigen::Index k, const Flow& f) {
@@ -185,16 +185,16 @@ class FlowConsensus {
     const Motion move(T);
     const float fx = fx_, fy = fy_;
     NormalPackets<6> sums;
-    Packet count = Packet::Zero();
+    Packet count = Packet::constant(0);
     for (const Block& b : blocks_) {
       const View s = look(b, move);
       const Packet weight = b.area * s.nearness * s.nearness, inverse = 1 / s.z;
       count += (weight * kHuge).min(1.0f);
       sums.add(weight,
-               {fx * inverse, Packet::Zero(), -fx * inverse * s.x, -fx * s.x * s.y,
+               {fx * inverse, Packet::constant(0), -fx * inverse * s.x, -fx * s.x * s.y,
                 fx * (1 + s.x * s.x), -fx * s.y},
                s.eu,
-               {Packet::Zero(), fy * inverse, -fy * inverse * s.y, -fy * (1 + s.y * s.y),
+               {Packet::constant(0), fy * inverse, -fy * inverse * s.y, -fy * (1 + s.y * s.y),
                 fy * s.x * s.y, fy * s.x},
                s.ev);
     }
@@ -225,8 +225,9 @@ class FlowConsensus {
 
   // Its size, metres and radians; none if there is no solution.
   static std::optional<double> step(const Normal& normal, Eigen::Isometry3d& T) {
-    const Eigen::Matrix<double, 6, 1> d = normal.H.ldlt().solve(-normal.g);
-    if (!d.allFinite() || d.norm() > 1) return std::nullopt;
+    const auto solved = solve_normal_equations<6>(normal.H, -normal.g);
+    if (!solved || solved->norm() > 1) return std::nullopt;
+    const Eigen::Matrix<double, 6, 1>& d = *solved;
     Eigen::Isometry3d by = Eigen::Isometry3d::Identity();
     const double angle = d.tail<3>().norm();
     if (angle > 1e-12)

@@ -7,16 +7,79 @@
 
 namespace stillpoint::detail {
 
-/// Four numbers that are worked on at once, by vector instructions (see Eigen on packet math).
-using Packet = Eigen::Array<float, 4, 1>;
+/// N floats that are worked on at once: loops of a fixed length, which compilers turn into vector
+/// instructions. Eigen's arrays do the same, but every program that includes them takes seconds
+/// longer to compile.
+template <std::size_t N>
+struct PacketOf {
+  std::array<float, N> at;
+
+  static PacketOf constant(float x) {
+    PacketOf p;
+    p.at.fill(x);
+    return p;
+  }
+  static PacketOf load(const float* first) {
+    PacketOf p;
+    for (std::size_t i = 0; i < N; ++i) p.at[i] = first[i];
+    return p;
+  }
+
+  float& operator[](std::size_t i) { return at[i]; }
+  float operator[](std::size_t i) const { return at[i]; }
+
+  /// f(a, b) of each pair of numbers.
+  template <class Function>
+  static PacketOf each(const PacketOf& a, const PacketOf& b, Function f) {
+    PacketOf p;
+    for (std::size_t i = 0; i < N; ++i) p.at[i] = f(a.at[i], b.at[i]);
+    return p;
+  }
+  friend PacketOf operator+(const PacketOf& a, const PacketOf& b) {
+    return each(a, b, [](float x, float y) { return x + y; });
+  }
+  friend PacketOf operator-(const PacketOf& a, const PacketOf& b) {
+    return each(a, b, [](float x, float y) { return x - y; });
+  }
+  friend PacketOf operator*(const PacketOf& a, const PacketOf& b) {
+    return each(a, b, [](float x, float y) { return x * y; });
+  }
+  friend PacketOf operator/(const PacketOf& a, const PacketOf& b) {
+    return each(a, b, [](float x, float y) { return x / y; });
+  }
+  friend PacketOf operator+(const PacketOf& a, float b) { return a + constant(b); }
+  friend PacketOf operator-(const PacketOf& a, float b) { return a - constant(b); }
+  friend PacketOf operator*(const PacketOf& a, float b) { return a * constant(b); }
+  friend PacketOf operator/(const PacketOf& a, float b) { return a / constant(b); }
+  friend PacketOf operator+(float a, const PacketOf& b) { return constant(a) + b; }
+  friend PacketOf operator-(float a, const PacketOf& b) { return constant(a) - b; }
+  friend PacketOf operator*(float a, const PacketOf& b) { return constant(a) * b; }
+  friend PacketOf operator/(float a, const PacketOf& b) { return constant(a) / b; }
+  PacketOf operator-() const { return 0.0f - *this; }
+  PacketOf& operator+=(const PacketOf& b) { return *this = *this + b; }
+
+  PacketOf max(float x) const {
+    return each(*this, constant(x), [](float a, float b) { return a > b ? a : b; });
+  }
+  PacketOf min(float x) const {
+    return each(*this, constant(x), [](float a, float b) { return a < b ? a : b; });
+  }
+  PacketOf abs() const {
+    return each(*this, *this, [](float a, float) { return a < 0 ? -a : a; });
+  }
+};
+using Packet = PacketOf<4>;
 
 /// A factor that makes every number but 0 far larger than 1. Clamped to 0 to 1, such a product
 /// stands for an `if`, which packets do not have.
 inline constexpr float kHuge = 1e30f;
 
-/// The same in every build, whatever its vectors.
-inline double sum(const Packet& v) {
-  return (static_cast<double>(v[0]) + v[1]) + (static_cast<double>(v[2]) + v[3]);
+/// In double precision, and in the same order in every build.
+template <std::size_t N>
+double sum(const PacketOf<N>& v) {
+  double low = 0, high = 0;
+  for (std::size_t i = 0; i < N / 2; ++i) low += v[i], high += v[N / 2 + i];
+  return low + high;
 }
 
 /// The sums of the normal equations of N unknowns, kept apart for each number of a packet until
@@ -28,8 +91,8 @@ class NormalPackets {
   using Slopes = std::array<Packet, N>;
 
   NormalPackets() {
-    for (Slopes& row : H_) row.fill(Packet::Zero());
-    g_.fill(Packet::Zero());
+    for (Slopes& row : H_) row.fill(Packet::constant(0));
+    g_.fill(Packet::constant(0));
   }
 
   void add(const Packet& weight, const Slopes& J, const Packet& error) {

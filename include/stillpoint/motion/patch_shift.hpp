@@ -8,6 +8,8 @@
 #include <cstddef>
 #include <opencv2/core.hpp>
 
+#include "stillpoint/motion/packet.hpp"
+
 namespace stillpoint::detail {
 
 /// A template of Lucas and Kanade, row by row. Sums are kept per column until the end.
@@ -26,13 +28,14 @@ class Patch {
 
   /// Of the shift in x and y and the brightness.
   Eigen::Matrix3f information() const {
-    Row xx = Row::Zero(), xy = xx, yy = xx, x = xx, y = xx;
+    Row xx = Row::constant(0), xy = xx, yy = xx, x = xx, y = xx;
     for (std::size_t v = 0; v < kSide; ++v) {
       xx += gx_[v] * gx_[v], xy += gx_[v] * gy_[v], yy += gy_[v] * gy_[v];
       x += gx_[v], y += gy_[v];
     }
     Eigen::Matrix3f H;
-    H << xx.sum(), xy.sum(), x.sum(), xy.sum(), yy.sum(), y.sum(), x.sum(), y.sum(), kSide * kSide;
+    H << total(xx), total(xy), total(x), total(xy), total(yy), total(y), total(x), total(y),
+        kSide * kSide;
     return H;
   }
 
@@ -41,19 +44,20 @@ class Patch {
   Eigen::Vector4f compare(const float* first, std::size_t stride, float a, float b,
                           float bias) const {
     const float w00 = (1 - a) * (1 - b), w01 = a * (1 - b), w10 = (1 - a) * b, w11 = a * b;
-    Row x = Row::Zero(), y = x, one = x, squares = x;
+    Row x = Row::constant(0), y = x, one = x, squares = x;
     for (std::size_t v = 0; v < kSide; ++v, first += stride) {
       const Row r = w00 * row(first) + w01 * row(first + 1) + w10 * row(first + stride) +
                     w11 * row(first + stride + 1) - value_[v] - bias;
       x += r * gx_[v], y += r * gy_[v], one += r, squares += r * r;
     }
-    return {x.sum(), y.sum(), one.sum(), squares.sum()};
+    return {total(x), total(y), total(one), total(squares)};
   }
 
  private:
-  using Row = Eigen::Array<float, kSide, 1>;
+  using Row = PacketOf<kSide>;
 
-  static Row row(const float* first) { return Eigen::Map<const Row>(first); }
+  static Row row(const float* first) { return Row::load(first); }
+  static float total(const Row& r) { return static_cast<float>(sum(r)); }
 
   std::array<Row, kSide> gx_, gy_, value_;
 };

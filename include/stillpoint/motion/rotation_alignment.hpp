@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #pragma once
 
-#include <Eigen/Cholesky>
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 #include <Eigen/LU>
@@ -12,6 +11,7 @@
 #include <opencv2/imgproc.hpp>
 #include <optional>
 
+#include "stillpoint/core/normal_equations.hpp"
 #include "stillpoint/motion/corner_image.hpp"
 #include "stillpoint/motion/packet.hpp"
 
@@ -70,16 +70,16 @@ class RotationAlignment {
                         cv::INTER_LINEAR | cv::WARP_INVERSE_MAP, cv::BORDER_CONSTANT, -1);
     const float fx = static_cast<float>(K(0, 0)), cx = static_cast<float>(K(0, 2));
     const float fy = static_cast<float>(K(1, 1)), cy = static_cast<float>(K(1, 2));
-    const auto four = [](const float* first) { return Eigen::Map<const Packet>(first); };
+    const auto four = [](const float* first) { return Packet::load(first); };
     NormalPackets<4> normal;
     for (int v = 1; v + 1 < small_.rows; ++v) {
       const float* before = small_before_.ptr<float>(v);
       const float* above = small_before_.ptr<float>(v - 1);
       const float* below = small_before_.ptr<float>(v + 1);
       const float* now = warped_.ptr<float>(v);
-      const Packet y = Packet::Constant((static_cast<float>(v) - cy) / fy);
+      const Packet y = Packet::constant((static_cast<float>(v) - cy) / fy);
       for (int u = 1; u + 4 < small_.cols; u += 4) {
-        const Packet x = (static_cast<float>(u) - cx + Packet(0, 1, 2, 3)) / fx;
+        const Packet x = (static_cast<float>(u) - cx + Packet{{0, 1, 2, 3}}) / fx;
         const Packet gx = 0.5f * fx * (four(before + u + 1) - four(before + u - 1));
         const Packet gy = 0.5f * fy * (four(below + u) - four(above + u));
         const Packet seen = (four(now + u) * kHuge + 1).max(0.0f).min(1.0f);  // 0: out of view
@@ -88,11 +88,13 @@ class RotationAlignment {
         // The unknowns: a rotation about x, y and z, and a change of brightness.
         normal.add(seen * likely * likely,
                    {-gx * x * y - gy * (1 + y * y), gx * (1 + x * x) + gy * x * y, gy * x - gx * y,
-                    Packet::Ones()},
+                    Packet::constant(1)},
                    error);
       }
     }
-    const Eigen::Vector4d d = normal.matrix().ldlt().solve(normal.right());
+    const auto solved = solve_normal_equations<4>(normal.matrix(), normal.right());
+    if (!solved) return std::nullopt;
+    const Eigen::Vector4d& d = *solved;
     const double angle = d.head<3>().norm();
     if (!(angle < 0.3)) return std::nullopt;
     // The steps are those of the image before, so they are taken back.
