@@ -50,7 +50,7 @@ void of_orb(benchmark::State& state, const Settings& settings) {
   run<Search>(state, settings, rendered_scene().keypoints);
 }
 
-// Evenly spread over one picture: with the keypoints the neighbors of each grow, too.
+// Evenly spread over one image: with the keypoints the neighbors of each grow, too.
 template <class Search>
 void by_keypoints(benchmark::State& state, const Settings& settings) {
   std::vector<std::vector<cv::KeyPoint>> keypoints;

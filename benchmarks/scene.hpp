@@ -26,7 +26,7 @@ struct Scene {
   std::vector<cv::Mat> grey;
   std::vector<Segmentation> segmentations;
   std::vector<std::vector<cv::KeyPoint>> keypoints;
-  /// Mean share of the picture in the segmentations.
+  /// Mean share of the image in the segmentations.
   double mask_share = 0;
 };
 
@@ -86,7 +86,7 @@ inline double share_of(const std::vector<Segmentation>& all, const cv::Size& siz
 }
 
 /// The first of 8 frames of a sequence in which two people are in view and cover most nearly a
-/// quarter of the picture; looked for in tiny pictures.
+/// quarter of the image; looked for in tiny images.
 inline int quarter_covered(SyntheticSettings settings) {
   settings.width = 80, settings.height = 60, settings.shutter_s = 0;
   const SyntheticSequence tiny(settings);
@@ -111,7 +111,7 @@ inline int quarter_covered(SyntheticSettings settings) {
 }
 
 /// 8 consecutive rendered frames, 640 x 480: two walking people who cover about a quarter of the
-/// picture, camera motion xyz, masks damaged by blur as a segmenter's are, 3000 ORB keypoints.
+/// image, camera motion xyz, masks damaged by blur as a segmenter's are, 3000 ORB keypoints.
 /// Rendered once.
 inline const Scene& rendered_scene() {
   static const Scene scene = [] {
@@ -151,7 +151,7 @@ inline const Scene& rendered_scene() {
   return scene;
 }
 
-/// The rendered scene at another size of picture; keypoints move along.
+/// The rendered scene at another size of image; keypoints move along.
 inline Scene scaled_scene(const cv::Size& size) {
   const Scene& from = rendered_scene();
   Scene s;
@@ -184,7 +184,7 @@ inline Scene scaled_scene(const cv::Size& size) {
   return s;
 }
 
-/// `n` keypoints spread evenly over a picture.
+/// `n` keypoints spread evenly over an image.
 inline std::vector<cv::KeyPoint> even_keypoints(std::size_t n, const cv::Size& size,
                                                 std::uint64_t seed) {
   RandomGenerator random(seed);
@@ -226,7 +226,7 @@ inline Scene crowd_scene(int people) {
   return s;
 }
 
-/// Sizes of picture over which cost in pixels is shown.
+/// Sizes of image over which cost in pixels is shown.
 inline const std::vector<cv::Size>& picture_sizes() {
   static const std::vector<cv::Size> sizes{{320, 240}, {640, 480}, {1280, 960}, {1920, 1080}};
   return sizes;

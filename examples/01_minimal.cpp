@@ -3,7 +3,7 @@
 #include <opencv2/features2d.hpp>
 #include <stillpoint/io/mask_folder.hpp>
 #include <stillpoint/stillpoint.hpp>
-int main(int argc, char** file) try {  // three files: a color, a depth and a mask picture
+int main(int argc, char** file) try {  // three files: a color, a depth and a mask image
   if (argc != 4) return std::cerr << "expected three files\n", 2;
   stillpoint::RgbdFrame frame{stillpoint::read_color(file[1]), stillpoint::read_depth(file[2])};
   std::vector<cv::KeyPoint> keypoints;  // yours, of any kind

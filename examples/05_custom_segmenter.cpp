@@ -24,7 +24,7 @@ class NearnessSegmenter : public stillpoint::Segmenter {
     const int n = cv::connectedComponentsWithStats(near, labels, stats, centers);
     for (int label = 1; label < n; ++label) {
       if (stats.at<int>(label, cv::CC_STAT_AREA) < kMinArea_px) continue;
-      // A mask of the whole picture becomes an instance: box, and mask of the box's size.
+      // A mask of the whole image becomes an instance: box, and mask of the box's size.
       result.instances.push_back(stillpoint::instance_from_mask(labels == label, "person", 0.5f));
     }
     return result;
@@ -48,7 +48,7 @@ int main(int argc, char** argv) try {
     front_end.compute_mask(sequence.load(i));
     const stillpoint::FrameStats& stats = front_end.stats();
     std::cout << sequence.entry(i).stem << ": " << stats.instances << " instances, "
-              << static_cast<int>(100 * stats.mask_share + 0.5) << " % of the picture\n";
+              << static_cast<int>(100 * stats.mask_share + 0.5) << " % of the image\n";
   }
 } catch (const stillpoint::Error& error) {
   std::cerr << error.what() << "\n";

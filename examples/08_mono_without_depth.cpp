@@ -2,7 +2,7 @@
 //
 // A camera without depth: what is left of the front end is the mending of missed people (3.1) and
 // the keypoint filter (3.3). Prints, for each frame, how many keypoints are static, and how far the
-// picture of the static world moved since the last frame (KLT on the kept keypoints).
+// image of the static world moved since the last frame (KLT on the kept keypoints).
 //
 // Usage: 08_mono_without_depth SEQUENCE    (a TUM folder with masks/; its depth is not read)
 
@@ -24,7 +24,7 @@ int main(int argc, char** argv) try {
   stillpoint::MaskFilesSegmenter segmenter(sequence.folder() / "masks",
                                            stillpoint::frame_names(sequence));
   stillpoint::FrontEndSettings settings;
-  settings.use_depth = false;  // without a depth picture it could only say kNoDepth
+  settings.use_depth = false;  // without a depth image it could only say kNoDepth
   stillpoint::FrontEnd front_end(settings, stillpoint::Camera(), &segmenter);
   const cv::Ptr<cv::ORB> orb = cv::ORB::create(800);
   cv::Mat gray, last_gray;

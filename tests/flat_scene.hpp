@@ -31,13 +31,13 @@ inline stillpoint::Segmentation result(std::vector<stillpoint::Instance> instanc
   return segmentation;
 }
 
-/// The instances as one mask of the whole picture, 255 where one of them is.
+/// The instances as one mask of the whole image, 255 where one of them is.
 inline cv::Mat picture_of(const std::vector<stillpoint::Instance>& instances,
                           const cv::Size& size) {
   return stillpoint::mask_from_instances(instances, size);
 }
 
-/// A mask of the whole picture, 255 in the rectangles.
+/// A mask of the whole image, 255 in the rectangles.
 inline cv::Mat picture_of(const std::vector<cv::Rect>& boxes, const cv::Size& size) {
   cv::Mat all = cv::Mat::zeros(size, CV_8UC1);
   for (const cv::Rect& box : boxes) all(box & cv::Rect(cv::Point(), size)).setTo(255);
@@ -52,7 +52,7 @@ inline double iou(const cv::Mat& a, const cv::Mat& b) {
   return any == 0 ? 1 : static_cast<double>(both) / any;
 }
 
-/// True if two pictures have the same size, type and bytes.
+/// True if two images have the same size, type and bytes.
 inline bool identical(const cv::Mat& a, const cv::Mat& b) {
   if (a.size() != b.size() || a.type() != b.type()) return false;
   for (int y = 0; y < a.rows; ++y)

@@ -31,7 +31,7 @@ const FlatScene kScene;
 const Figure kPerson{{100, 60, 80, 160}, 2, 7};
 const double kStart_s = 1300000000;
 
-// A regular grid over the picture, 5 pixels apart: 64 x 48.
+// A regular grid over the image, 5 pixels apart: 64 x 48.
 struct Features {
   std::vector<Corner> corners;
   cv::Mat descriptors;
@@ -166,7 +166,7 @@ TEST(Host, FloorIsHighUntilTheHostHasStarted) {
 
 TEST(Host, PosesReachTheMotionCheck) {
   // Nobody is segmented; somebody walks through space that was seen to be free. Nothing in the
-  // pictures tells the camera's motion, so only the host's poses can.
+  // images tells the camera's motion, so only the host's poses can.
   HostFrontEnd host(kScene.camera(), no_floor()), not_told(kScene.camera(), no_floor());
   FrontEnd front_end(FrontEndSettings(), kScene.camera());
   ConstantVelocity velocity;

@@ -53,7 +53,7 @@ TEST(MaskFiles, FindsTheMaskOfAFrameByItsStem) {
 
   EXPECT_FALSE(segmenter.segment(frame_at(1341846313.625)).available) << "no file: no result";
   const Segmentation nobody = segmenter.segment(frame_at(1341846313.658));
-  EXPECT_TRUE(nobody.available) << "an empty picture: segmented, nobody seen";
+  EXPECT_TRUE(nobody.available) << "an empty image: segmented, nobody seen";
   EXPECT_TRUE(nobody.instances.empty());
 }
 
@@ -157,7 +157,7 @@ TEST(MaskFiles, ReadsARenderedSequence) {
 
 namespace stillpoint::testing {
 
-// Reads what it wrote; pictures of other sizes than its mask are refused.
+// Reads what it wrote; images of other sizes than its mask are refused.
 struct MakeMaskFiles {
   std::unique_ptr<Segmenter> operator()() const {
     static const TemporaryFolder folder;

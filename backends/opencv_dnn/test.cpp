@@ -291,7 +291,7 @@ TEST(OpenCvDnn, ChecksItsSettings) {
   EXPECT_NO_THROW(check([](auto& s) { s.input_size = {640, 480}; }));
 }
 
-/// Real weights and pictures; not part of the project.
+/// Real weights and images; not part of the project.
 class RealWeights : public ::testing::TestWithParam<const char*> {
  protected:
   void SetUp() override {

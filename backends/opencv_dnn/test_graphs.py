@@ -15,7 +15,7 @@ import onnx
 from onnx import TensorProto, helper, numpy_helper
 
 OUT = sys.argv[1]
-PICTURE = (80, 60)  # W, H of the picture that the test feeds
+PICTURE = (80, 60)  # W, H of the image that the test feeds
 INPUT = (64, 64)  # W, H of most graphs
 RANDOM = np.random.default_rng(20)
 
@@ -58,7 +58,7 @@ class Placement:
         self.sx, self.sy = self.fw / pw, self.fh / ph
 
     def box(self, x0, y0, x1, y1):
-        """x0, y0, x1, y1 in whole picture pixels."""
+        """x0, y0, x1, y1 in whole image pixels."""
         pw, ph = PICTURE
         x0 = np.clip((x0 - self.ox) / self.sx + 1e-3, 0, pw)
         x1 = np.clip((x1 - self.ox) / self.sx - 1e-3, 0, pw)

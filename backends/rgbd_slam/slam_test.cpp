@@ -478,7 +478,7 @@ TEST(SlamSystem, IsNotTakenAlongByWhatMovesBeforeTheFirstMask) {
   EXPECT_LT(worst_error(tracked, sway), 0.02);  // 0.055 if the pose is a compromise with it
 }
 
-// What fills most of the picture takes the first frames along; then it goes, and they are mended.
+// What fills most of the image takes the first frames along; then it goes, and they are mended.
 void mend_the_start(double covered_s, double rate_hz = 30) {
   for (const bool threaded : {false, true}) {
     if (threaded && rate_hz > 30) continue;  // slow, as the threads are waited for after each frame
@@ -640,7 +640,7 @@ TEST_F(Trouble, AKidnappedCameraIsLostUntilItSeesWhatItKnows) {
 TEST_F(Trouble, MissingDepthIsBridged) {
   int step = 0;
   walk([&](RgbdFrame& frame, DynamicMask&) {
-    // Both kinds of nothing: no value, no picture.
+    // Both kinds of nothing: no value, no image.
     if (step++ % 2)
       frame.depth.setTo(0);
     else

@@ -104,7 +104,7 @@ inline Eigen::Isometry3d path_at(double t) {
 inline Eigen::Isometry3d path(int step) { return path_at(step / 30.0); }
 
 // What the camera sees at path(2 step), behind what moves as one and fills two fifths of the
-// picture.
+// image.
 inline stillpoint::RgbdFrame render_with_mover(int step) {
   const Eigen::Isometry3d T = path(2 * step);
   stillpoint::RgbdFrame frame = render(T, step / 15.0);

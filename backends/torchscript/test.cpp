@@ -213,7 +213,7 @@ TEST_F(TorchScript, SaysWhyANetworkDoesNotRun) {
                                             "    return x")),
                "not");
   EXPECT_ERROR(TorchScriptSegmenter(network({}, "def forward(self, x, y): return x")),
-               "takes one picture", "takes 2");
+               "takes one image", "takes 2");
   EXPECT_ERROR(TorchScriptSegmenter(network({}, "def forward(self): return 1")), "takes 0");
   EXPECT_ERROR(TorchScriptSegmenter(network({}, "def run(self, x): return x")), "found none");
   EXPECT_ERROR(TorchScriptSegmenter(network({}, "def forward(self, x): return (x, x, x)")),
@@ -296,7 +296,7 @@ TEST_F(TorchScript, WantsOneNamePerClass) {
 
 namespace stillpoint::testing {
 
-/// YOLO boxes and SparseInst masks whose scores follow the picture.
+/// YOLO boxes and SparseInst masks whose scores follow the image.
 template <bool kMasks>
 struct MakeTorchScript {
   std::unique_ptr<Segmenter> operator()() const {

@@ -161,7 +161,7 @@ std::vector<LineChart> frame_plots(const std::vector<Json>& results) {
   return plots;
 }
 
-/// Three plots per setting: error, keypoints of the whole picture, mask IoU.
+/// Three plots per setting: error, keypoints of the whole image, mask IoU.
 std::vector<LineChart> plots_of_settings(const std::vector<const Json*>& rows) {
   std::map<std::string, std::set<double>> settings;
   std::vector<std::string> sequences;
@@ -177,7 +177,7 @@ std::vector<LineChart> plots_of_settings(const std::vector<const Json*>& rows) {
     if (values.size() < 2) continue;
     LineChart error =
         axes("Error against " + name + " (gaps: failed)", name, "ATE RMSE [mm], median");
-    LineChart points = axes("Keypoints of the whole picture against " + name, name, "share [%]");
+    LineChart points = axes("Keypoints of the whole image against " + name, name, "share [%]");
     LineChart iou = axes("Mask IoU against " + name, name, "IoU before dilation");
     for (std::size_t s = 0; s < sequences.size(); ++s) {
       const std::string who = sequences.size() > 1 ? sequences[s] : "";

@@ -39,7 +39,7 @@ Frames frames_of(const EvaluateOptions& options, const Trajectory& groundtruth,
       return {TumSequence(list.parent_path().empty() ? "." : list.parent_path()).timestamps(),
               list.string()};
     } catch (const Error&) {
-      // The lists without their pictures are no sequence, and tell the frames all the same.
+      // The lists without their images are no sequence, and tell the frames all the same.
     }
   }
   if (!asked) return {guess_frames(groundtruth, estimate), ""};

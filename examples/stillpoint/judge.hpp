@@ -10,14 +10,14 @@
 
 namespace stillpoint::cli {
 
-/// What the front end removes, seen on keypoints of the whole picture.
+/// What the front end removes, seen on keypoints of the whole image.
 ///
 /// A tracker looks for keypoints outside the mask only, so its own list does not show what it was
 /// spared. Here the same extractor runs without a mask, and the same filter judges its keypoints:
-/// for measuring and for pictures, never for tracking.
+/// for measuring and for images, never for tracking.
 class WholePictureJudge {
  public:
-  /// `features`: keypoints per picture; 0: the extractor's default.
+  /// `features`: keypoints per image; 0: the extractor's default.
   WholePictureJudge(const FrontEndSettings& settings, int features)
       : extractor_(extractor_settings(features)),
         filter_(settings.probability),

@@ -32,7 +32,7 @@ void mask(MaskSettings& settings) {
 void add_options(CLI::App* command, MaskSettings& s) {
   command
       ->add_option("INPUT", s.run.sequence,
-                   "Folder of images (PNG, JPEG), or in TUM layout: rgb.txt, depth.txt, pictures")
+                   "Folder of images (PNG, JPEG), or in TUM layout: rgb.txt, depth.txt, images")
       ->required()
       ->type_name("DIR");
   command->add_option("--out", s.out, "Folder for the masks; made if it is not there")

@@ -88,7 +88,7 @@ inline void add_front_end_options(CLI::App* command, RunSettings& s) {
       ->type_name("FILE");
 }
 
-/// The options that `run` and `mask` share: where pictures and masks come from.
+/// The options that `run` and `mask` share: where images and masks come from.
 inline void add_system_options(CLI::App* command, RunSettings& s) {
   command
       ->add_option("--camera", s.camera,
@@ -107,7 +107,7 @@ inline void add_system_options(CLI::App* command, RunSettings& s) {
   command->add_option("--decoder", s.decoder, "Kind of network  [recognised]")->type_name("NAME");
   command
       ->add_option("--input-size", s.input_size,
-                   "Size that pictures are fitted into  [the network's own]")
+                   "Size that images are fitted into  [the network's own]")
       ->type_name("WxH");
   command
       ->add_option("--dynamic", s.dynamic,

@@ -48,7 +48,7 @@ cv::Mat draw_overlay(const cv::Mat& color, const DynamicMask& mask,
   std::snprintf(words, sizeof words, "t = %.3f s", timestamp);
   const cv::Scalar white(235, 235, 235);
   int x = write(picture, 8, words, white) + 18;
-  // A narrow picture has no room for the legend.
+  // A narrow image has no room for the legend.
   if (picture.cols >= 480) {
     x = write(picture, x, "kept " + std::to_string(kept.size()), kGreen) + 14;
     x = write(picture, x, "removed " + std::to_string(removed.size()), kRed) + 14;

@@ -18,7 +18,7 @@ cv::Mat draw_overlay(const cv::Mat& color, const DynamicMask& mask,
                      const std::vector<cv::Point2f>& kept, const std::vector<cv::Point2f>& removed,
                      double timestamp);
 
-/// The way of a frame's mask in six small pictures: the frame, four stages with their names (each
+/// The way of a frame's mask in six small images: the frame, four stages with their names (each
 /// against the truth: right green, missing red, too much blue), and the kept keypoints.
 cv::Mat draw_stages(const RgbdFrame& frame, const cv::Mat& truth,
                     const std::vector<std::pair<std::string, cv::Mat>>& stages,

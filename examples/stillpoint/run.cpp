@@ -166,7 +166,7 @@ void add_run_command(CLI::App& app) {
   auto options = std::make_shared<RunCommand>();
   RunSettings& s = options->settings;
   s.tracker = default_tracker();
-  command->add_option("SEQUENCE", s.sequence, "Folder in TUM layout: rgb.txt, depth.txt, pictures")
+  command->add_option("SEQUENCE", s.sequence, "Folder in TUM layout: rgb.txt, depth.txt, images")
       ->required()
       ->type_name("DIR");
   command->add_option("--out", options->out, "Folder for the results; made if it is not there")

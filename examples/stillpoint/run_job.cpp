@@ -15,12 +15,12 @@
 //                     nothing static is, and ghost_share
 //   real_time         only with --real-time-rate: dropped_frames (not in frames), their share
 //   blur              means over the frames: sharpness (of the edges, about 1: perfect steps),
-//                     motion_px (of the picture, predicted, during the exposure)
+//                     motion_px (of the image, predicted, during the exposure)
 //   masks             against masks_gt, undilated; before = the segmenter's own, after = final;
 //                     means over the frames; _blurred: over the least sharp third
 //   keypoints         extracted, kept: per frame; with masks_gt kept_on_people (share of the kept),
 //                     precision, recall, f1, static_kept
-//                     (the latter on keypoints of the whole picture)
+//                     (the latter on keypoints of the whole image)
 //   times_ms          per stage: median, p95, max
 //   status            how many frames had which status bit
 //   settings          what was asked for; all: each setting of the front end by its path
@@ -99,7 +99,7 @@ class Job {
   Json run() {
     if (sequence_.missing_pictures() > 0)
       say(std::to_string(sequence_.missing_pictures()) +
-          " listed pictures are not on the disk; their frames are left out");
+          " listed images are not on the disk; their frames are left out");
     if (const auto problem = unread_associations(sequence_)) say(*problem);
     reset_peak_memory();
     try {

@@ -34,7 +34,7 @@ class FrameWriter {
   std::unique_ptr<std::FILE, Close> csv_;
 };
 
-/// Keeps a picture of each of the worst frames, stage by stage: those in which most of the picture
+/// Keeps an image of each of the worst frames, stage by stage: those in which most of the image
 /// is wrong in the mask before dilation, at least a quarter of a second apart.
 class WorstFrames {
  public:
@@ -94,7 +94,7 @@ class RunRecorder {
     double sharpness = 0, motion_px = 0;
     BinaryCounts before, after;
     BinaryCounts measured;  // the final mask where there is depth
-    /// Of the tracker's own keypoints, and of those of the whole picture.
+    /// Of the tracker's own keypoints, and of those of the whole image.
     KeypointMetrics tracked_keypoints, judged_keypoints;
   };
 

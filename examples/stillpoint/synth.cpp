@@ -67,7 +67,7 @@ void synth(SynthOptions options) {
               summary.camera_blur_px, summary.people_blur_px);
   if (summary.most_cover > 0)
     std::printf(
-        "%-12scover %.1f %% of the picture on average, %.1f %% at most\n"
+        "%-12scover %.1f %% of the image on average, %.1f %% at most\n"
         "masks/      miss %.1f %% of the people's pixels; %.1f %% of their own pixels are wrong\n",
         settings.movers > 0 ? "movers" : "people", 100 * summary.mean_cover,
         100 * summary.most_cover, 100 * summary.lost_share, 100 * summary.false_share);
@@ -91,7 +91,7 @@ void add_synth_command(CLI::App& app) {
   between(command->add_option("--shutter-ms", options->shutter_ms,
                               "Exposure time: makes motion blur; 0: none  [25]"),
           0.0, 1000.0, "MS");
-  command->add_option("--size", options->size, "Of the pictures in pixels  [640x480]")
+  command->add_option("--size", options->size, "Of the images in pixels  [640x480]")
       ->type_name("WxH")
       ->check(CLI::Validator(
           [](std::string& value) {

@@ -64,7 +64,7 @@ class Owning : public Segmenter {
   Outer outer_;
 };
 
-/// A folder of something else (color pictures) is refused at once, not in each frame.
+/// A folder of something else (color images) is refused at once, not in each frame.
 void check_first_mask(const fs::path& folder, const TumSequence& sequence) {
   for (std::size_t i = 0; i < sequence.size(); ++i) {
     const fs::path file = mask_path(folder, sequence.entry(i).stem);

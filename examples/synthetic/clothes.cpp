@@ -34,7 +34,7 @@ Canvas cloth(std::uint64_t seed, bool trousers) {
       canvas.ellipse(x, y, r, ry, random_color(random, 0, 255));
     }
   }
-  if (!trousers) {  // front: buttons or a printed picture; back: a line of text
+  if (!trousers) {  // front: buttons or a printed image; back: a line of text
     if (kind < 2) {
       canvas.rectangle(252, 0, 260, 256, scaled(base, 0.8));
       for (int y = 16; y < 256; y += 36) canvas.ellipse(256, y, 3, 3, {235, 230, 215});

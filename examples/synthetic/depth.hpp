@@ -43,7 +43,7 @@ inline double deviations(double share) {
 
 /// Turns exact depth (CV_32FC1, metres along the axis, 0 = nothing) into what a Kinect-like camera
 /// gives: CV_16UC1 in `camera.depth_units_per_m`. `hole_prone` (CV_8UC1, 255 = dark or shiny) may
-/// be empty. The same seed gives the same picture. O(pixels).
+/// be empty. The same seed gives the same image. O(pixels).
 cv::Mat measure_depth(const cv::Mat& exact, const cv::Mat& hole_prone, const Camera& camera,
                       const KinectNoise& noise, std::uint64_t seed);
 

@@ -33,15 +33,15 @@ class Furnisher {
   int door_texture() const { return door_; }
   int carton_texture() { return pick(cartons_); }
 
-  /// A box of a repeating material (`texels_per_m` > 0) or with one picture per face (0).
+  /// A box of a repeating material (`texels_per_m` > 0) or with one image per face (0).
   void box(const Frame& frame, Vec3 size, int texture, float texels_per_m = 300,
            std::array<float, 3> tint = {{1, 1, 1}}, bool hole_prone = false);
 
-  /// A flat picture whose middle lies at the frame's origin, facing -y of the frame.
+  /// A flat image whose middle lies at the frame's origin, facing -y of the frame.
   void panel(const Frame& frame, double width, double height, int texture, bool hole_prone = false,
              float glow = 0);
 
-  /// A flat picture lying at the frame's origin, seen from above.
+  /// A flat image lying at the frame's origin, seen from above.
   void sheet_on(const Frame& frame, double width, double depth, int texture);
 
   /// A round thing standing at the frame's origin.

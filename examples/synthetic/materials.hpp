@@ -6,7 +6,7 @@
 /// Painted surfaces of the synthetic sequence: each function paints one texture from a seed.
 namespace stillpoint::synthetic {
 
-/// A picture made of sky, hills and random things, in a rectangle of the canvas.
+/// An image made of sky, hills and random things, in a rectangle of the canvas.
 void paint_photo(Canvas& canvas, int x0, int y0, int x1, int y1, std::uint64_t seed);
 
 void paint_chart(Canvas& canvas, int x0, int y0, int x1, int y1, std::uint64_t seed);
@@ -31,7 +31,7 @@ Canvas wood(Color color, std::uint64_t seed);
 /// A carton with printed labels, arrows and tape.
 Canvas carton(std::uint64_t seed);
 
-/// A monitor: windows with text and a picture.
+/// A monitor: windows with text and an image.
 Canvas screen(std::uint64_t seed);
 
 /// A printed sheet.

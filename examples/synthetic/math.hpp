@@ -8,7 +8,7 @@
 #include "stillpoint/testing/noise.hpp"
 
 /// Arithmetic of the synthetic sequence. Only operations that IEEE 754 rounds exactly (+ - * / sqrt
-/// floor) are used, so that a picture is the same byte for byte whatever the compiler, the build
+/// floor) are used, so that an image is the same byte for byte whatever the compiler, the build
 /// type and the mathematical library.
 namespace stillpoint::synthetic {
 

@@ -12,7 +12,7 @@
 namespace stillpoint::synthetic {
 
 /// Finds the nearest surface of each pixel. Rectangles and round parts are met exactly (no
-/// triangles), each inside its bounds on the picture. One object per thread; a few ns per pixel and
+/// triangles), each inside its bounds on the image. One object per thread; a few ns per pixel and
 /// layer.
 ///
 /// Camera frames: x right, y down, z forward.
@@ -37,7 +37,7 @@ class Rasterizer {
     double x = 0, y = 0, c = 0;
     double at(double px, double py) const { return x * px + y * py + c; }
   };
-  /// A quad on the picture: inverse depth, and its two coordinates (0 to 1) times inverse depth.
+  /// A quad on the image: inverse depth, and its two coordinates (0 to 1) times inverse depth.
   struct Plane {
     Linear inverse_depth, u, v;
   };
@@ -95,7 +95,7 @@ class Rasterizer {
   void draw_quad(int id);
   void draw_quad_row(const Plane& plane, int id, int y);
 
-  /// Bounds on the picture, in pixels.
+  /// Bounds on the image, in pixels.
   struct Box {
     double left = 0, right = 0, top = 0, bottom = 0;
   };

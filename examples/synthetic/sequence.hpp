@@ -47,7 +47,7 @@ class SyntheticSequence {
   /// number out of range. Safe from several threads.
   SyntheticFrame frame(int index) const;
 
-  /// How far the parts of a person move across the picture during the exposure of a frame, mean
+  /// How far the parts of a person move across the image during the exposure of a frame, mean
   /// in pixels, whether in view or not; without rendering. The same for a mover's label.
   double expected_blur_px(int label, int index) const;
 
@@ -68,7 +68,7 @@ class SyntheticSequence {
   };
   Instant instant(double t_s) const { return {things(t_s), path_.at(t_s)}; }
 
-  /// The picture's point of a world point, false when behind the camera.
+  /// The image's point of a world point, false when behind the camera.
   bool project(const synthetic::Frame& frame, synthetic::Vec3 p, double& x, double& y) const;
   double displacement_px(const Instant& open, synthetic::Vec3 at_open, const Instant& close,
                          synthetic::Vec3 at_close) const;

@@ -44,7 +44,7 @@ struct SyntheticBlur {
   int label = 0;
   /// Visible pixels at mid-exposure.
   int pixels = 0;
-  /// Mean way of these pixels across the picture during the exposure.
+  /// Mean way of these pixels across the image during the exposure.
   double blur_px = 0;
 };
 

@@ -16,7 +16,7 @@ class Shader {
     for (int i = 0; i < 256; ++i) linear_[i] = static_cast<float>(i * i) * (1.0f / 65025.0f);
   }
 
-  /// Adds the picture's light, times `weight`, to `sum` (3 floats per pixel: blue, green, red).
+  /// Adds the image's light, times `weight`, to `sum` (3 floats per pixel: blue, green, red).
   /// `dither` of [0, 1) chooses between texture levels, so that several passes blend them.
   void add(const Rasterizer& raster, float weight, float dither, std::vector<float>& sum) const;
 

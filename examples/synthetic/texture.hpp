@@ -36,7 +36,7 @@ inline Color random_color(Random& random, int low = 30, int high = 230) {
   return {muted(red), muted(green), muted(blue)};
 }
 
-/// A picture to paint on: pixels 0x00RRGGBB, row by row. Everything painted is clipped.
+/// An image to paint on: pixels 0x00RRGGBB, row by row. Everything painted is clipped.
 struct Canvas {
   int width = 0, height = 0;
   std::vector<std::uint32_t> pixels;

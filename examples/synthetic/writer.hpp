@@ -22,7 +22,7 @@ struct SyntheticWriterOptions {
 /// What was written, for a message and for tests.
 struct SyntheticSummary {
   int frames = 0;
-  /// Share of the picture that people (and movers) cover: mean and most.
+  /// Share of the image that people (and movers) cover: mean and most.
   double mean_cover = 0, most_cover = 0;
   /// Share of the people's pixels that masks/ lost, and share of masks/ that is no person.
   double lost_share = 0, false_share = 0;
@@ -34,7 +34,7 @@ struct SyntheticSummary {
 /// associations.txt, groundtruth.txt (every 5 ms), camera.yaml; masks_gt/ (exact labels of all that
 /// moves: people 1.., movers 101..), masks/ (people only, as a blur-stricken segmenter gives them,
 /// see degrade_masks), movers_gt/ when there are movers, and blur.csv (per frame and label: pixels
-/// and blur). Pictures are named by the timestamp. Existing files of the same names are replaced;
+/// and blur). Images are named by the timestamp. Existing files of the same names are replaced;
 /// others stay. Frames are rendered with cv::parallel_for_; the files are the same for any number
 /// of threads. Throws Error when something cannot be written.
 SyntheticSummary write_synthetic_sequence(const std::string& folder,

@@ -144,7 +144,7 @@ class BasicFrontEnd {
 
   /// The dynamic mask of the last frame.
   const DynamicMask& mask() const { return mask_; }
-  // The mask on its way, for evaluation and pictures: unions of masks, H x W, CV_8UC1, 255 =
+  // The mask on its way, for evaluation and images: unions of masks, H x W, CV_8UC1, 255 =
   // dynamic. O(pixels).
   /// The segmenter's own, of dynamic classes.
   cv::Mat raw_mask() const { return union_of(intake_.raw()); }

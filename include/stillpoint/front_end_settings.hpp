@@ -40,7 +40,7 @@ struct FrontEndSettings {
   bool use_motion = true;
   /// Instances of other classes are taken for static. Objects without a class are always dynamic.
   std::vector<DynamicClass> dynamic_classes{"person"};
-  /// A mask over this share of the picture is reported as kMaskTooLarge (and still used: the floor
+  /// A mask over this share of the image is reported as kMaskTooLarge (and still used: the floor
   /// of kept keypoints protects the tracker).
   double large_mask_share = 0.9;
 

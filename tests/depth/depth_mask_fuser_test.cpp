@@ -494,7 +494,7 @@ TEST_P(DepthMaskFuserMethods, WithoutDepthABareBoxIsFull) {
   bare.box = cv::Rect(20, 30, 40, 50);
   DepthMaskFuser f = fuser();
   EXPECT_EQ(pixels(undilated(f, frame, {bare})), 2000);
-  // A box in which nothing is measured, in a picture with depth: no worse.
+  // A box in which nothing is measured, in an image with depth: no worse.
   frame = room().frame(0, {});
   frame.depth(cv::Rect(10, 20, 60, 70)).setTo(0);
   EXPECT_EQ(pixels(undilated(f, frame, {bare})), 2000);
@@ -646,7 +646,7 @@ TEST(DepthMaskFuser, DilatesEachInstanceByItsBlur) {
   };
   for (const Case& c : {Case{Blur(), 4}, Case{blurred_by(0), 4}, Case{blurred_by(8), 4},
                         Case{blurred_by(14), 7}, Case{blurred_by(14, std::nan("")), 7},
-                        Case{blurred_by(14, 0.95), 4},  // the picture is sharp all the same
+                        Case{blurred_by(14, 0.95), 4},  // the image is sharp all the same
                         Case{blurred_by(1000), 9}}) {   // bounded
     Instance person = box_instance(kPerson.box, frame.color.size());
     person.blur = c.blur;

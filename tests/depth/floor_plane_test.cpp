@@ -11,7 +11,7 @@ namespace {
 using namespace stillpoint;
 
 // Samples of a room as a camera sees it, in rows from the top: a floor `height_m` below the
-// camera, which looks down by `pitch`, a wall, and furniture in a share of the picture.
+// camera, which looks down by `pitch`, a wall, and furniture in a share of the image.
 std::vector<InverseSample> room(float height_m, float pitch, float clutter, std::uint64_t seed,
                                 float noise = 0.002f, float wall_m = 5) {
   RandomGenerator random(seed);

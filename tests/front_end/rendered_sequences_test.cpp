@@ -33,7 +33,7 @@ class RenderedSequences : public ::testing::Test {
       frame.timestamp = entry.timestamp;
       frame.depth_units_per_m = sequence.camera()->depth_units_per_m;
       frame.depth = read_depth(entry.depth_path);
-      // With depth the masks do not depend on the colors: a black picture saves the reading.
+      // With depth the masks do not depend on the colors: a black image saves the reading.
       frame.color = cv::Mat::zeros(frame.depth.size(), CV_8UC1);
       const cv::Size size = frame.color.size();
       Segmentation given;

@@ -97,7 +97,7 @@ struct FuzzLoaders : testing::Test {
     stillpoint::write_picture(folder / "depth/1.01.png", pattern(CV_16UC1));
     stillpoint::write_picture(folder / "depth/2.01.png", pattern(CV_16UC1));
     stillpoint::write_picture(folder / "mask.png", pattern(CV_8UC1));
-    // libpng and libjpeg tell stderr about each broken picture.
+    // libpng and libjpeg tell stderr about each broken image.
     testing::internal::CaptureStderr();
   }
   void TearDown() override { testing::internal::GetCapturedStderr(); }

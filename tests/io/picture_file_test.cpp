@@ -11,7 +11,7 @@ using stillpoint::read_color;
 using stillpoint::read_depth;
 using stillpoint::write_picture;
 
-// A picture that does not pack to nothing.
+// An image that does not pack to nothing.
 cv::Mat pattern(int type) {
   cv::Mat m(48, 64, type);
   unsigned state = 1;
@@ -47,7 +47,7 @@ TEST(PictureFile, EveryTruncationOfAPngOrJpegIsAnError) {
   TemporaryFolder folder;
   for (const char* name : {"c.png", "c.jpg", "d.png"}) {
     write_picture(folder / name, pattern(name[0] == 'd' ? CV_16UC1 : CV_8UC3));
-    const std::string bytes = stillpoint::read_file(folder / name, "picture");
+    const std::string bytes = stillpoint::read_file(folder / name, "image");
     for (std::size_t n = 0; n < bytes.size(); n += n < 64 ? 1 : 97) {
       const auto path = folder.write("cut", bytes.substr(0, n));
       const std::string message = error_of([&] { read_color(path); });
@@ -77,7 +77,7 @@ TEST(PictureFile, RefusesDepthOfAnotherType) {
 TEST(PictureFile, RefusesAHugeSizeInABrokenHeader) {
   TemporaryFolder folder;
   write_picture(folder / "c.png", pattern(CV_8UC3));
-  std::string bytes = stillpoint::read_file(folder / "c.png", "picture");
+  std::string bytes = stillpoint::read_file(folder / "c.png", "image");
   bytes[16] = 0, bytes[17] = 1;  // width 65536 and more
   EXPECT_ERROR(read_color(folder.write("wide.png", bytes)), "wide.png", "a size of");
   bytes[17] = 0, bytes[18] = 100, bytes[22] = 50;  // 25664 x 12848: over 100 million pixels
@@ -86,7 +86,7 @@ TEST(PictureFile, RefusesAHugeSizeInABrokenHeader) {
   EXPECT_ERROR(read_color(folder.write("short.png", bytes)), "too little data");
 
   write_picture(folder / "c.jpg", pattern(CV_8UC3));
-  bytes = stillpoint::read_file(folder / "c.jpg", "picture");
+  bytes = stillpoint::read_file(folder / "c.jpg", "image");
   const std::size_t frame = bytes.find("\xFF\xC0");
   ASSERT_NE(frame, std::string::npos);
   bytes[frame + 5] = bytes[frame + 7] = 40;  // 10240 x 10240 and more

@@ -16,7 +16,7 @@ const char kCamera[] =
     "Camera.fx: 50\nCamera.fy: 50\nCamera.cx: 8\nCamera.cy: 6\nCamera.width: 16\n"
     "Camera.height: 12\nDepthMapFactor: 1000\n";
 
-// Three color pictures at 1, 2, 3 s; depth near the first and the last.
+// Three color images at 1, 2, 3 s; depth near the first and the last.
 struct SmallSequence : TemporaryFolder {
   SmallSequence() {
     write("rgb.txt",
@@ -129,8 +129,8 @@ TEST(TumSequence, SaysWhatIsWrongWithTheFolder) {
     folder.write("rgb.txt", text);
     TumSequence sequence(folder.path());
   };
-  EXPECT_ERROR(with_list(""), "at least one picture", "rgb.txt");
-  EXPECT_ERROR(with_list("# only a comment\n"), "at least one picture");
+  EXPECT_ERROR(with_list(""), "at least one image", "rgb.txt");
+  EXPECT_ERROR(with_list("# only a comment\n"), "at least one image");
   EXPECT_ERROR(with_list("1.0\n"), "rgb.txt", "line 1", "timestamp filename");
   EXPECT_ERROR(with_list("nan rgb/1.000000.png\n"), "line 1", "\"nan\"");
   EXPECT_ERROR(with_list("-1.0 rgb/1.000000.png\n"), "line 1", "not negative");
@@ -173,7 +173,7 @@ TEST(TumSequence, OpensRealFramesOfFr1Desk) {
   TumSequence::Settings settings;
   settings.camera = stillpoint::Camera::tum_fr1();
   const TumSequence sequence(folder, settings);
-  // Nine pictures of each kind are there; the lists name over 590.
+  // Nine images of each kind are there; the lists name over 590.
   EXPECT_EQ(sequence.size(), 9u);
   EXPECT_GT(sequence.missing_pictures(), 500u);
   EXPECT_EQ(sequence.entry(0).stem, "1305031453.359684");

@@ -72,7 +72,7 @@ Points random_points(std::size_t n, std::uint64_t seed, cv::Size size = {640, 48
   return points;
 }
 
-// Section 3.3 word by word, in double precision; points inside the picture only.
+// Section 3.3 word by word, in double precision; points inside the image only.
 std::vector<double> by_definition(const Points& points, const DynamicMask& mask,
                                   const Settings& s) {
   std::vector<double> predefined, probability;
@@ -205,7 +205,7 @@ TEST(KeypointFilter, MaskAloneDecidesWhenAsked) {
 
 TEST(KeypointFilter, WithoutAMaskEverythingStays) {
   Points points = random_points(100, 8);
-  points[3] = {1e6f, 20};  // no mask, no picture: only numbers count
+  points[3] = {1e6f, 20};  // no mask, no image: only numbers count
   points[4] = {std::numeric_limits<float>::quiet_NaN(), 20};
   Filter filter;
   EXPECT_EQ(filter.filter(points, DynamicMask()).kept.size(), 99u);
@@ -284,14 +284,14 @@ TEST(KeypointFilter, RemovesKeypointsOutsideThePicture) {
     EXPECT_EQ(found.reason[i], KeypointReason::kOutsidePicture) << i;
     EXPECT_EQ(found.probability[i], 1);
   }
-  EXPECT_EQ(found.kept, (std::vector<int>{9, 10})) << "the floor keeps those in the picture";
+  EXPECT_EQ(found.kept, (std::vector<int>{9, 10})) << "the floor keeps those in the image";
 }
 
 TEST(KeypointFilter, OutsideKeypointsAreNobodysNeighbors) {
   Settings settings;
   settings.decay_per_px = 0, settings.threshold = 0.9f, settings.min_kept = 0;
   Filter filter(settings);
-  // Of the neighbors only the one in the mask is in the picture: P = 1.
+  // Of the neighbors only the one in the mask is in the image: P = 1.
   const Selection& found =
       filter.filter(Points{{2, 2}, {8, 2}, {-3, 2}, {2, -3}}, mask_of({{6, 0, 10, 10}}));
   EXPECT_EQ(found.probability[0], 1);

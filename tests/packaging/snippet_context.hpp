@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #pragma once
 
-// What the snippets of the pages take for granted: a host with pictures, keypoints and detections.
+// What the snippets of the pages take for granted: a host with images, keypoints and detections.
 #include <stillpoint/stillpoint.hpp>
 #include <string>
 #include <vector>

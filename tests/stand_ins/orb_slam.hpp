@@ -55,7 +55,7 @@ class Frame {
   }
 };
 
-/// Mirrors System and the part of Tracking that it calls: GrabImageRGBD (grey picture, depth in
+/// Mirrors System and the part of Tracking that it calls: GrabImageRGBD (grey image, depth in
 /// metres, Frame) and the start with more than 500 keypoints (v3 Tracking.cc:2337, v2 :511).
 class System {
  public:

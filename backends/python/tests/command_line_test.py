@@ -57,7 +57,7 @@ def test_a_sequence_gives_the_same_masks_trajectory_and_error(walk, tmp_path):
 
 
 def test_the_iterator_gives_the_files_that_synth_writes(walk):
-    """Poses, pictures and failing masks."""
+    """Poses, images and failing masks."""
     written = stillpoint.TumSequence(walk / "walk")
     sequence = stillpoint.SyntheticSequence(frames=24, width=320, height=240, motion="rpy")
     for i in (0, 13):

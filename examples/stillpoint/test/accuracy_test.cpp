@@ -36,7 +36,7 @@ TEST_F(Cli, EvaluatePrintsItsKeys) {
 }
 
 TEST_F(Cli, EvaluateAndRunAgreeOnTheCoverage) {
-  // A camera that dropped two frames, and one color picture without depth: neither is lost track.
+  // A camera that dropped two frames, and one color image without depth: neither is lost track.
   fs::copy(path("walk"), path("gaps"), fs::copy_options::recursive);
   fs::remove(path("gaps") / "associations.txt");
   const auto shorten = [&](const char* list, std::vector<int> dropped) {

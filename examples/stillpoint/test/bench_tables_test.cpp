@@ -77,7 +77,7 @@ TEST_F(Cli, EvaluateAndBenchAgreeOnRealTrajectories) {
   const fs::path real = STILLPOINT_SHARED_DATA "/real";
   const fs::path list = real / "associations/fr3_walking_xyz.txt";
   if (!fs::exists(list)) GTEST_SKIP() << "no " << list;
-  // The real frames' times; that the pictures are none makes our own row an error, as it should.
+  // The real frames' times; that the images are none makes our own row an error, as it should.
   fs::create_directories(path("real") / "rgb");
   fs::create_directories(path("real") / "depth");
   cv::imwrite((path("real") / "none.png").string(), cv::Mat::zeros(1, 1, CV_8UC1));

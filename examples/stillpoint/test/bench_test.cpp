@@ -174,7 +174,7 @@ TEST_F(Cli, BenchKilledLosesOnlyTheUnfinishedRun) {
 }
 
 TEST_F(Cli, BenchMarksLostTracks) {
-  // Gray pictures: nothing can be tracked.
+  // Gray images: nothing can be tracked.
   copy_with_blind_frames("dark", 4, 12, 90);
   const Result r = run("bench dark --out d --variants default --tracker vo");
   ASSERT_EQ(r.code, 0) << r.err;
@@ -199,7 +199,7 @@ TEST_F(Cli, BenchStudiesDilationAndBlur) {
           "dilation_px=0,20");
   ASSERT_EQ(r.code, 0) << r.err;
   const std::string page = text_of(path("study") / "index.html");
-  for (const char* title : {"Error against dilation_px", "whole picture against dilation_px",
+  for (const char* title : {"Error against dilation_px", "whole image against dilation_px",
                             "ATE against the shutter, motion xyz", "Mask IoU against true motion",
                             "Misses against sharpness"})
     EXPECT_NE(page.find(title), std::string::npos) << title;

@@ -72,7 +72,7 @@ TEST_F(Cli, BadInputIsNamed) {
   expect_error("run freiburg3_walk --out out", 1, "--camera fr1, fr2, fr3, bonn");
   expect_error("run freiburg3_walk --out out", 1, "speaks of --camera fr3");
 
-  // A truncated picture.
+  // A truncated image.
   fs::copy(path("walk"), path("cut"), fs::copy_options::recursive);
   for (const auto& entry : fs::directory_iterator(path("cut") / "rgb"))
     fs::resize_file(entry.path(), fs::file_size(entry.path()) / 2);

@@ -109,7 +109,7 @@ TEST(SyntheticRasterizer, BallAndConeAreMetWhereTheyAre) {
 }
 
 TEST(SyntheticRasterizer, RoundPartIsTheSameWithAndWithoutBounds) {
-  // Very near parts are drawn without bounds on the picture; a shift of the whole scene must not
+  // Very near parts are drawn without bounds on the image; a shift of the whole scene must not
   // change which pixels a part covers.
   StaticScene scene = plain_scene();
   RoundPart part;

@@ -30,7 +30,7 @@ bool same(const cv::Mat& a, const cv::Mat& b) {
          cv::norm(a.reshape(1), b.reshape(1), cv::NORM_INF) == 0;
 }
 
-/// FNV-1a over a picture's bytes.
+/// FNV-1a over an image's bytes.
 std::uint64_t checksum(const cv::Mat& picture) {
   std::uint64_t h = 14695981039346656037ull;
   for (int y = 0; y < picture.rows; ++y)
@@ -78,7 +78,7 @@ TEST(SyntheticSequence, BytesAreTheSameInEveryBuild) {
   GTEST_SKIP() << "compilers may fuse multiplication and addition for this processor";
 #endif
   // Checksums of one build. They change with the scene; when the scene did not change, compiler or
-  // flags changed the pictures, which they must not.
+  // flags changed the images, which they must not.
   const SyntheticFrame f = walking().frame(11);
   EXPECT_EQ(checksum(f.color), 4296433399630068609u);
   EXPECT_EQ(checksum(f.depth), 14139829483622119123u);

@@ -9,13 +9,13 @@ namespace stillpoint {
 /// Pinhole camera with Brown distortion (OpenCV order k1, k2, p1, p2, k3).
 ///
 /// Axes: x right, y down, z forward. Focal lengths and principal point in pixels, pixel centres at
-/// whole numbers. A distance of zero coefficients means an undistorted picture.
+/// whole numbers. A distance of zero coefficients means an undistorted image.
 struct Camera {
   double fx = 0, fy = 0, cx = 0, cy = 0;
   double k1 = 0, k2 = 0, p1 = 0, p2 = 0, k3 = 0;
   int width = 0, height = 0;
   double fps = 30;
-  /// Units of a 16-bit depth picture per metre: 5000 for TUM and Bonn, 1000 for millimetres.
+  /// Units of a 16-bit depth image per metre: 5000 for TUM and Bonn, 1000 for millimetres.
   double depth_units_per_m = 5000;
   /// Exposure time; 0 when unknown.
   double exposure_s = 0;

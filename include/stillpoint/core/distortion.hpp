@@ -24,7 +24,7 @@ inline Eigen::Vector2d distort_pixel(const Camera& camera, const Eigen::Vector2d
 }
 
 /// Undistorted pixel of a raw one, to within 1e-6 px for lenses whose distortion can be inverted at
-/// the pixel (every calibrated camera inside its own picture). O(1): at most 30 fixed-point steps.
+/// the pixel (every calibrated camera inside its own image). O(1): at most 30 fixed-point steps.
 inline Eigen::Vector2d undistort_pixel(const Camera& camera, const Eigen::Vector2d& pixel) {
   if (!camera.distorted()) return pixel;
   const Eigen::Vector2d raw((pixel.x() - camera.cx) / camera.fx,

@@ -20,7 +20,7 @@ struct RgbdFrame {
   cv::Mat depth;
   /// Seconds; any origin, one clock for the whole run.
   double timestamp = 0;
-  /// Units of a 16-bit depth picture per metre (5000: TUM, Bonn; 1000: millimetres). Not used for
+  /// Units of a 16-bit depth image per metre (5000: TUM, Bonn; 1000: millimetres). Not used for
   /// CV_32FC1.
   double depth_units_per_m = 5000;
   /// When the depth was measured, seconds of the same clock; NaN: with the color. Kinects take the
@@ -36,7 +36,7 @@ inline float metres_per_unit(const RgbdFrame& frame) {
   return frame.depth.depth() == CV_16U ? static_cast<float>(1.0 / frame.depth_units_per_m) : 1.0f;
 }
 
-/// Depth at (x, y) in metres; 0 where there is no measurement. The pixel must lie in the picture.
+/// Depth at (x, y) in metres; 0 where there is no measurement. The pixel must lie in the image.
 inline float depth_m_at(const RgbdFrame& frame, int x, int y) {
   if (frame.depth.empty()) return 0;
   if (frame.depth.depth() == CV_16U)
@@ -73,7 +73,7 @@ inline void check_frame(const RgbdFrame& frame) {
   using detail::size_text;
   using detail::type_text;
   detail::check(!frame.color.empty(),
-                [] { return std::string("frame.color: expected a picture, found an empty one"); });
+                [] { return std::string("frame.color: expected an image, found an empty one"); });
   detail::check(frame.color.type() == CV_8UC3 || frame.color.type() == CV_8UC1, [&] {
     return "frame.color: expected CV_8UC3 (BGR) or CV_8UC1, found " + type_text(frame.color);
   });

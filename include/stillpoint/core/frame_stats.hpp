@@ -16,7 +16,7 @@ struct FrameStats {
   std::uint32_t status = kOk;
   /// Message of the exception that the segmenter threw; empty if it did not.
   std::string segmenter_error;
-  /// The picture's motion blur; that of each object is in FrontEnd::instances(). Measuring it is
+  /// The image's motion blur; that of each object is in FrontEnd::instances(). Measuring it is
   /// counted with the compensation.
   Blur blur;
   double segmentation_ms = 0, motion_ms = 0, compensation_ms = 0, depth_ms = 0, probability_ms = 0;
@@ -24,7 +24,7 @@ struct FrameStats {
   int instances = 0, restored = 0;
   /// Instances that the motion check found.
   int moving = 0;
-  /// Share of the picture in the final mask, 0 to 1.
+  /// Share of the image in the final mask, 0 to 1.
   double mask_share = 0;
   /// Age of the newest segmentation in the mask, seconds.
   double mask_age_s = 0;

@@ -19,7 +19,7 @@ struct Instance {
   std::string class_name = "person";
   /// Detector's confidence, 0 to 1.
   float score = 1;
-  /// Bounding box in pixels, inside the picture.
+  /// Bounding box in pixels, inside the image.
   cv::Rect box;
   /// CV_8UC1 of the box's size, 255 = object, 0 = not. Empty: only the box is known, and the depth
   /// fusion carves the object out of it.
@@ -62,7 +62,7 @@ inline cv::Rect mask_bounds(const cv::Mat& mask) {
   return x1 < 0 ? cv::Rect() : cv::Rect(x0, y0, x1 - x0 + 1, y1 - y0 + 1);
 }
 
-/// Makes an instance from a mask of the whole picture (CV_8UC1, non-zero = object). Returns an
+/// Makes an instance from a mask of the whole image (CV_8UC1, non-zero = object). Returns an
 /// instance with an empty box if the mask is empty. O(pixels).
 inline Instance instance_from_mask(const cv::Mat& full_mask,
                                    const std::string& class_name = "person", float score = 1) {
@@ -77,8 +77,8 @@ inline Instance instance_from_mask(const cv::Mat& full_mask,
   return instance;
 }
 
-/// The instances as one mask of the whole picture, CV_8UC1, 255 where one of them is; an instance
-/// with a box alone fills it. The boxes must lie inside the picture. O(pixels).
+/// The instances as one mask of the whole image, CV_8UC1, 255 where one of them is; an instance
+/// with a box alone fills it. The boxes must lie inside the image. O(pixels).
 inline cv::Mat mask_from_instances(const std::vector<Instance>& instances, const cv::Size& size) {
   cv::Mat all = cv::Mat::zeros(size, CV_8UC1);
   for (const Instance& s : instances) {
@@ -91,7 +91,7 @@ inline cv::Mat mask_from_instances(const std::vector<Instance>& instances, const
   return all;
 }
 
-/// Throws Error unless every instance fits the picture as written at Instance. O(instances).
+/// Throws Error unless every instance fits the image as written at Instance. O(instances).
 inline void check_segmentation(const Segmentation& segmentation, cv::Size size) {
   for (std::size_t i = 0; i < segmentation.instances.size(); ++i) {
     const Instance& s = segmentation.instances[i];

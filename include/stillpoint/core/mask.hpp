@@ -20,7 +20,7 @@ struct DynamicMask {
 
   /// H x W, CV_8UC1, 255 = static. Allocates.
   cv::Mat static_image() const { return image == 0; }
-  /// True where the pixel nearest to (x, y) is dynamic; false outside the picture and for NaN.
+  /// True where the pixel nearest to (x, y) is dynamic; false outside the image and for NaN.
   bool dynamic_at(float x, float y) const {
     if (!(x >= -0.5f && y >= -0.5f && x < static_cast<float>(image.cols) - 0.5f &&
           y < static_cast<float>(image.rows) - 0.5f))

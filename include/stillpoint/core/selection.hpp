@@ -12,7 +12,7 @@ enum class KeypointReason : std::uint8_t {
   kFloor,           ///< kept although too probable: the tracker needs a minimum of keypoints
   kInMask,          ///< removed: lies in the dynamic mask
   kProbable,        ///< removed: near dynamic keypoints, probability above the threshold
-  kOutsidePicture,  ///< removed: NaN coordinates or outside the picture
+  kOutsidePicture,  ///< removed: NaN coordinates or outside the image
   kEntering         ///< removed: will be in the mask in the next frame (tracked points only)
 };
 

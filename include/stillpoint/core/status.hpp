@@ -14,8 +14,8 @@ enum FrameStatus : std::uint32_t {
   kNeverSegmented = 1u << 1,   ///< no result at all so far: the mask is empty
   kMaskStale = 1u << 2,        ///< newest segmentation older than the limit: its masks were dropped
   kRestored = 1u << 3,         ///< at least one missed or partly missed object was restored
-  kMaskTooLarge = 1u << 4,     ///< mask over the settable share of the picture
-  kNoDepth = 1u << 5,          ///< no depth picture, or no valid value in it
+  kMaskTooLarge = 1u << 4,     ///< mask over the settable share of the image
+  kNoDepth = 1u << 5,          ///< no depth image, or no valid value in it
   kNoKeypoints = 1u << 6,      ///< the host gave no keypoint
   kKeypointFloor = 1u << 7,    ///< too few static keypoints: the least dynamic ones were kept too
   kSegmenterFailed = 1u << 8,  ///< the segmenter threw; its message is in FrameStats

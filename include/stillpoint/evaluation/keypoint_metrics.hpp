@@ -38,7 +38,7 @@ struct KeypointMetrics {
 };
 
 /// Compares a selection with the true mask (CV_8UC1, non-zero = dynamic, not dilated). Keypoints
-/// outside the picture count for nothing. Throws Error if keypoints and selection differ in number,
+/// outside the image count for nothing. Throws Error if keypoints and selection differ in number,
 /// or for a mask of another type. O(keypoints).
 template <class Keypoint>
 KeypointMetrics compare_keypoints(const std::vector<Keypoint>& keypoints,

@@ -39,7 +39,7 @@ inline BinaryCounts compare_masks(const cv::Mat& mask, const cv::Mat& truth,
   return counts;
 }
 
-/// Where a depth picture has a measurement, as CV_8UC1, 255; for compare_masks(). O(pixels).
+/// Where a depth image has a measurement, as CV_8UC1, 255; for compare_masks(). O(pixels).
 inline cv::Mat measured_pixels(const RgbdFrame& frame) {
   cv::Mat valid = cv::Mat::zeros(frame.depth.size(), CV_8UC1);
   for (int y = 0; y < valid.rows; ++y)

@@ -88,7 +88,7 @@ class YamlScalars {
 /// Reads a camera from an ORB-SLAM style YAML file.
 ///
 /// Names: `Camera.fx`, `fy`, `cx`, `cy`, `k1`, `k2`, `p1`, `p2`, `k3`, `width`, `height`, `fps`,
-/// `RGB`; `DepthMapFactor` (units of a 16-bit depth picture per metre); `exposure_ms`. Also
+/// `RGB`; `DepthMapFactor` (units of a 16-bit depth image per metre); `exposure_ms`. Also
 /// ORB_SLAM3's `Camera1.fx`, `RGBD.DepthMapFactor`, and stella_vslam's nested `Camera:` with
 /// `cols`, `rows`, `color_order`, `depthmap_factor`. The `%YAML:1.0` line is optional. Focal
 /// lengths, principal point and depth factor must be there; a size that is not given stays 0,
@@ -133,7 +133,7 @@ inline Camera load_camera(const std::filesystem::path& path) {
                   [&] {
                     return file + ", line " + std::to_string(model->line) +
                            ": expected a pinhole camera (PinHole, Rectified, perspective), found " +
-                           detail::quoted(model->text) + "; undistort the pictures first";
+                           detail::quoted(model->text) + "; undistort the images first";
                   });
   }
   Camera camera;

@@ -21,7 +21,7 @@ inline std::filesystem::path mask_path(const std::filesystem::path& folder,
   return folder / (stem + ".png");
 }
 
-/// Reads a label picture: CV_8UC1, 0 = background, k = instance k, or 0 and 255 only. Throws Error
+/// Reads a label image: CV_8UC1, 0 = background, k = instance k, or 0 and 255 only. Throws Error
 /// if it is missing, truncated, not 8 bits in one channel, or not of `size`.
 inline cv::Mat read_labels(const std::filesystem::path& path, cv::Size size) {
   cv::Mat labels = detail::read_picture(path, cv::IMREAD_UNCHANGED, "mask");
@@ -29,18 +29,18 @@ inline cv::Mat read_labels(const std::filesystem::path& path, cv::Size size) {
     return "mask " + path.string() +
            ": expected one channel of 8 bits (CV_8UC1, 0 = background, k = instance k), found " +
            detail::type_text(labels) +
-           (labels.channels() > 1 ? "; save it as a gray picture, without palette, color or alpha"
+           (labels.channels() > 1 ? "; save it as a gray image, without palette, color or alpha"
                                   : "; save it with 8 bits per pixel");
   });
   detail::check(labels.size() == size, [&] {
-    return "mask " + path.string() + ": expected the color picture's size " +
+    return "mask " + path.string() + ": expected the color image's size " +
            std::to_string(size.width) + "x" + std::to_string(size.height) + ", found " +
            detail::size_text(labels) + "; resize it without interpolation";
   });
   return labels;
 }
 
-/// Reads a mask as CV_8UC1, 255 where the label picture is not 0. Throws Error as read_labels().
+/// Reads a mask as CV_8UC1, 255 where the label image is not 0. Throws Error as read_labels().
 inline cv::Mat read_mask(const std::filesystem::path& path, cv::Size size) {
   return read_labels(path, size) > 0;
 }
@@ -56,7 +56,7 @@ inline cv::Mat connected_labels(const cv::Mat& mask, int min_area_px) {
   std::vector<int> by_area;
   for (int part = 1; part < count; ++part)
     if (area(part) >= min_area_px) by_area.push_back(part);
-  // OpenCV's numbers may depend on its threads, so ties are broken by place in the picture.
+  // OpenCV's numbers may depend on its threads, so ties are broken by place in the image.
   std::vector<std::size_t> first(static_cast<std::size_t>(count), 0);
   std::vector<char> seen(static_cast<std::size_t>(count), 0);
   for (int y = 0; y < parts.rows; ++y)
@@ -86,7 +86,7 @@ inline cv::Mat connected_labels(const cv::Mat& mask, int min_area_px) {
 
 }  // namespace detail
 
-/// Splits a label picture into instances, in the order of their labels. A picture with only 0 and
+/// Splits a label image into instances, in the order of their labels. An image with only 0 and
 /// 255 is split into connected parts instead, and parts under `min_area_px` pixels are dropped.
 ///
 /// `labels`: CV_8UC1, 0 = background. Throws Error for another type. O(pixels).
@@ -133,9 +133,9 @@ inline std::vector<Instance> instances_from_labels(const cv::Mat& labels,
   return instances;
 }
 
-/// Paints instances into a label picture: the i-th gets label i + 1, a later one covers an earlier
+/// Paints instances into a label image: the i-th gets label i + 1, a later one covers an earlier
 /// one, one without a mask fills its box. CV_8UC1 of `size`. Throws Error for over 254 instances or
-/// boxes outside the picture. O(pixels).
+/// boxes outside the image. O(pixels).
 inline cv::Mat labels_from_instances(const std::vector<Instance>& instances, cv::Size size) {
   detail::check(instances.size() <= 254, [&] {
     return "labels_from_instances: expected at most 254 instances, found " +

@@ -16,7 +16,7 @@
 namespace stillpoint {
 namespace detail {
 
-/// Largest picture that is read; a broken header must not ask for gigabytes.
+/// Largest image that is read; a broken header must not ask for gigabytes.
 constexpr std::uint64_t kMaxPicturePixels = 100'000'000;
 
 inline std::uint32_t big_endian(const std::string& bytes, std::size_t at, std::size_t count) {
@@ -63,7 +63,7 @@ inline std::string png_problem(const std::string& bytes) {
 }
 
 /// Walks the segments of a JPEG. Returns what is wrong with it, or nothing. Needed because libjpeg
-/// fills the missing part of a truncated picture with gray and only warns.
+/// fills the missing part of a truncated image with gray and only warns.
 inline std::string jpeg_problem(const std::string& bytes) {
   std::size_t at = 2;
   bool seen_size = false, seen_scan = false;
@@ -74,7 +74,7 @@ inline std::string jpeg_problem(const std::string& bytes) {
       ++at;
       continue;
     }
-    if (marker == 0xD9) return seen_size && seen_scan ? "" : "a JPEG without a picture in it";
+    if (marker == 0xD9) return seen_size && seen_scan ? "" : "a JPEG without an image in it";
     at += 2;
     if (marker == 0x01 || (marker >= 0xD0 && marker <= 0xD8)) continue;
     if (at + 2 > bytes.size()) break;
@@ -122,7 +122,7 @@ inline cv::Mat decode(const std::string& bytes, int flags) {
 }
 
 /// Reads a PNG or JPEG file. Throws Error if it is missing, of another format, truncated or
-/// cannot be decoded; never returns an empty or half a picture.
+/// cannot be decoded; never returns an empty or half an image.
 inline cv::Mat read_picture(const std::filesystem::path& path, int flags, const std::string& what) {
   const std::string bytes = read_file(path, what);
   const auto begins = [&](const std::string& magic) {
@@ -146,7 +146,7 @@ inline cv::Mat read_picture(const std::filesystem::path& path, int flags, const 
     if (picture.empty()) problem = "broken data";
   }
   check(problem.empty(), [&] {
-    return what + " " + path.string() + ": expected a whole PNG or JPEG picture, found " + problem +
+    return what + " " + path.string() + ": expected a whole PNG or JPEG image, found " + problem +
            "; copy or write the file again";
   });
   return picture;
@@ -154,26 +154,25 @@ inline cv::Mat read_picture(const std::filesystem::path& path, int flags, const 
 
 }  // namespace detail
 
-/// Reads a color picture (PNG or JPEG) as CV_8UC3, BGR. A rotation note of the camera (EXIF) is not
-/// applied: the depth picture does not follow it. Throws Error as detail::read_picture().
+/// Reads a color image (PNG or JPEG) as CV_8UC3, BGR. A rotation note of the camera (EXIF) is not
+/// applied: the depth image does not follow it. Throws Error as detail::read_picture().
 inline cv::Mat read_color(const std::filesystem::path& path) {
   return detail::read_picture(path, cv::IMREAD_COLOR | cv::IMREAD_IGNORE_ORIENTATION,
-                              "color picture");
+                              "color image");
 }
 
-/// Reads a depth picture, a 16-bit gray PNG, as CV_16UC1 in stored units. Throws Error if it is of
+/// Reads a depth image, a 16-bit gray PNG, as CV_16UC1 in stored units. Throws Error if it is of
 /// another type, and as detail::read_picture().
 inline cv::Mat read_depth(const std::filesystem::path& path) {
-  cv::Mat depth = detail::read_picture(path, cv::IMREAD_UNCHANGED, "depth picture");
+  cv::Mat depth = detail::read_picture(path, cv::IMREAD_UNCHANGED, "depth image");
   detail::check(depth.type() == CV_16UC1, [&] {
-    return "depth picture " + path.string() +
-           ": expected one channel of 16 bits (CV_16UC1), found " + detail::type_text(depth) +
-           "; write depth as a 16-bit gray PNG";
+    return "depth image " + path.string() + ": expected one channel of 16 bits (CV_16UC1), found " +
+           detail::type_text(depth) + "; write depth as a 16-bit gray PNG";
   });
   return depth;
 }
 
-/// Writes an 8-bit or 16-bit picture; the format is that of the file's ending (.png, .jpg). Throws
+/// Writes an 8-bit or 16-bit image; the format is that of the file's ending (.png, .jpg). Throws
 /// Error if that fails. `parameters`: cv::imencode's, such as {cv::IMWRITE_JPEG_QUALITY, 95}.
 inline void write_picture(const std::filesystem::path& path, const cv::Mat& picture,
                           const std::vector<int>& parameters = {}) {
@@ -182,13 +181,13 @@ inline void write_picture(const std::filesystem::path& path, const cv::Mat& pict
   try {
     std::vector<uchar> bytes;
     done = !picture.empty() && cv::imencode(path.extension().string(), picture, bytes, parameters);
-    if (done) write_file(path, std::string(bytes.begin(), bytes.end()), "picture");
+    if (done) write_file(path, std::string(bytes.begin(), bytes.end()), "image");
   } catch (const cv::Exception& e) {
     reason = e.err;
   }
   detail::check(done, [&] {
-    return "picture " + path.string() + ": cannot encode " +
-           (picture.empty() ? "an empty picture" : detail::type_text(picture)) + " as \"" +
+    return "image " + path.string() + ": cannot encode " +
+           (picture.empty() ? "an empty image" : detail::type_text(picture)) + " as \"" +
            path.extension().string() + "\" " + reason;
   });
 }

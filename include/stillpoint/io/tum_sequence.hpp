@@ -53,11 +53,11 @@ inline std::vector<ListedFile> read_file_list(const std::filesystem::path& path)
   return files;
 }
 
-/// A color picture and the depth picture that belongs to it.
+/// A color image and the depth image that belongs to it.
 struct SequenceEntry {
-  /// Of the color picture, seconds.
+  /// Of the color image, seconds.
   double timestamp = 0;
-  /// Of the depth picture, seconds.
+  /// Of the depth image, seconds.
   double depth_timestamp = 0;
   std::filesystem::path color_path;
   /// Empty: no depth.
@@ -101,14 +101,14 @@ inline std::vector<SequenceEntry> read_associations(const std::filesystem::path&
 }
 
 /// An RGB-D sequence in the layout of the TUM benchmark and the Bonn data set: a folder with
-/// rgb.txt, depth.txt and the pictures they name; groundtruth.txt and camera.yaml may be there.
+/// rgb.txt, depth.txt and the images they name; groundtruth.txt and camera.yaml may be there.
 ///
-/// Pictures are read one at a time by load(); the object itself holds file names only. load() may
+/// Images are read one at a time by load(); the object itself holds file names only. load() may
 /// be called from several threads.
 class TumSequence {
  public:
   struct Settings {
-    /// Color and depth pictures are paired when less than this apart, nearest pair first, each
+    /// Color and depth images are paired when less than this apart, nearest pair first, each
     /// used once (see associate()).
     double max_difference_s = 0.02;
     /// An associations file that is used instead of rgb.txt and depth.txt. Empty: the two lists are
@@ -116,11 +116,11 @@ class TumSequence {
     std::filesystem::path associations;
     /// Used instead of the folder's camera.yaml.
     std::optional<Camera> camera;
-    /// False: a folder without depth.txt and associations is a sequence of color pictures.
+    /// False: a folder without depth.txt and associations is a sequence of color images.
     bool depth_required = true;
   };
 
-  /// Opens a folder. Pictures that are listed but not on the disk are left out and counted (parts
+  /// Opens a folder. Images that are listed but not on the disk are left out and counted (parts
   /// of a sequence are often passed around with the whole lists). Throws Error if the folder or a
   /// list is missing or broken, or if no entry is left. O(n log n) in the length of the lists.
   explicit TumSequence(std::filesystem::path folder) : TumSequence(std::move(folder), Settings()) {}
@@ -146,7 +146,7 @@ class TumSequence {
       open_lists();
     }
     detail::check(!entries_.empty() || without_depth_ > 0, [&] {
-      return "sequence " + folder_.string() + ": expected at least one picture in " +
+      return "sequence " + folder_.string() + ": expected at least one image in " +
              source_.string() + ", found none; is it the right folder?";
     });
     detail::check(!entries_.empty(), [&] {
@@ -172,9 +172,9 @@ class TumSequence {
   const SequenceEntry& entry(std::size_t i) const { return entries_.at(i); }
   const std::vector<SequenceEntry>& entries() const { return entries_; }
   const std::filesystem::path& folder() const { return folder_; }
-  /// Listed color pictures without a depth picture near enough; they are left out.
+  /// Listed color images without a depth image near enough; they are left out.
   std::size_t without_depth() const { return without_depth_; }
-  /// Pairs of which a picture is not on the disk; they are left out.
+  /// Pairs of which an image is not on the disk; they are left out.
   std::size_t missing_pictures() const { return missing_pictures_; }
 
   /// From the settings or the folder's camera.yaml; nothing if there is neither.
@@ -188,8 +188,8 @@ class TumSequence {
     return times;
   }
 
-  /// Reads the pictures of entry `i` (below size()). Depth units are the camera's, 5000 per metre
-  /// if there is no camera. Throws Error if a picture is broken or of the wrong type, or if color,
+  /// Reads the images of entry `i` (below size()). Depth units are the camera's, 5000 per metre
+  /// if there is no camera. Throws Error if an image is broken or of the wrong type, or if color,
   /// depth and camera file differ in size.
   RgbdFrame load(std::size_t i) const {
     detail::check(i < entries_.size(), [&] {
@@ -204,7 +204,7 @@ class TumSequence {
     detail::check(!camera_ || camera_->width == 0 || camera_->height == 0 ||
                       frame.color.size() == cv::Size(camera_->width, camera_->height),
                   [&] {
-                    return "color picture " + e.color_path.string() + ": expected the camera's " +
+                    return "color image " + e.color_path.string() + ": expected the camera's " +
                            std::to_string(camera_->width) + "x" + std::to_string(camera_->height) +
                            ", found " + detail::size_text(frame.color) +
                            "; is it the right camera file?";
@@ -213,7 +213,7 @@ class TumSequence {
     frame.depth = read_depth(e.depth_path);
     frame.depth_timestamp = e.depth_timestamp;
     detail::check(frame.depth.size() == frame.color.size(), [&] {
-      return "depth picture " + e.depth_path.string() + ": expected the color picture's size " +
+      return "depth image " + e.depth_path.string() + ": expected the color image's size " +
              detail::size_text(frame.color) + ", found " + detail::size_text(frame.depth) +
              "; register depth to color first";
     });
@@ -273,7 +273,7 @@ class TumSequence {
       if (!missing(e)) present.push_back(std::move(e));
     missing_pictures_ = entries_.size() - present.size();
     detail::check(!present.empty(), [&] {
-      return "sequence " + folder_.string() + ": expected the pictures that " + source_.string() +
+      return "sequence " + folder_.string() + ": expected the images that " + source_.string() +
              " names, found none of " + std::to_string(entries_.size()) + " pairs, e.g. no " +
              first_missing.string();
     });

@@ -14,7 +14,7 @@ namespace stillpoint {
 /// How many keypoints a host must extract so that enough static ones are left after the filter.
 ///
 /// Judged by the worst frame of the last second: a SLAM system starves in single frames. Two people
-/// who fill 60 % of the picture leave 400 of 1000 keypoints; the answer is then 2500. O(1) per
+/// who fill 60 % of the image leave 400 of 1000 keypoints; the answer is then 2500. O(1) per
 /// frame, no allocation.
 class FeatureBudget {
  public:

@@ -70,7 +70,7 @@ inline bool within_radius(const cv::Point2f& a, const cv::Point2f& b, float radi
 ///   - `int count_neighbors(const cv::Point2f& query)`: how many that would be.
 ///
 /// build() is O(n), a query O(points in the cells around). No allocation once the largest
-/// number of points and the largest picture were seen. Not thread-safe.
+/// number of points and the largest image were seen. Not thread-safe.
 class GridNeighborSearch {
  public:
   void build(const std::vector<cv::Point2f>& points, float radius) {
@@ -84,7 +84,7 @@ class GridNeighborSearch {
       min_.x = std::min(min_.x, p.x), min_.y = std::min(min_.y, p.y);
       max.x = std::max(max.x, p.x), max.y = std::max(max.y, p.y);
     }
-    // A tiny radius in a huge picture must not make more cells than points can fill.
+    // A tiny radius in a huge image must not make more cells than points can fill.
     const float width = max.x - min_.x, height = max.y - min_.y;
     cell_ = std::max({radius, 1.0f, std::max(width, height) / kMaxCellsPerSide});
     per_cell_ = 1 / cell_;

@@ -85,7 +85,7 @@ class ProbabilisticKeypointFilter {
   const Settings& settings() const { return settings_; }
 
   /// Judges each keypoint; `keypoints` is an array (size(), operator[]) of any type that
-  /// KeypointTraits can read, in raw pixels of the picture that the mask belongs to. An empty
+  /// KeypointTraits can read, in raw pixels of the image that the mask belongs to. An empty
   /// `mask.image` means that nothing is dynamic. `compute_probability` false: the mask alone
   /// decides (the paper's ablation). The reference stays valid until the next call.
   template <class Keypoints>
@@ -183,7 +183,7 @@ class ProbabilisticKeypointFilter {
     }
   }
 
-  // A coarse picture of where dynamic keypoints are spares most static ones their query.
+  // A coarse image of where dynamic keypoints are spares most static ones their query.
   void mark_near_cells() {
     const float radius = settings_.radius_px;
     const float cell =
@@ -249,11 +249,11 @@ class ProbabilisticKeypointFilter {
 
   Selection selection_;
   std::uint32_t status_ = kOk;
-  std::vector<cv::Point2f> points_;  // inside the picture only
+  std::vector<cv::Point2f> points_;  // inside the image only
   std::vector<cv::Point2f> dynamic_points_;
   std::vector<int> index_;  // points_ -> the host's index
   std::vector<std::uint8_t> dynamic_;
-  std::vector<int> cell_of_;        // in the coarse picture
+  std::vector<int> cell_of_;        // in the coarse image
   std::vector<std::size_t> asked_;  // of points_: static, with dynamic ones near
   float min_x_ = 0, min_y_ = 0, max_x_ = 0, max_y_ = 0;  // of the dynamic ones
 

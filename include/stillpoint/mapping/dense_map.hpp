@@ -207,7 +207,7 @@ class DenseMap {
                     cv::Size size) const {
     if (p.z() < settings_.min_depth_m) return false;
     Eigen::Vector2d pixel = camera.project(p.cast<double>());
-    // Far outside, the lens polynomial folds back into the picture: look no further than its rim.
+    // Far outside, the lens polynomial folds back into the image: look no further than its rim.
     if (pixel.x() < -0.25 * size.width || pixel.x() > 1.25 * size.width ||
         pixel.y() < -0.25 * size.height || pixel.y() > 1.25 * size.height)
       return false;

@@ -16,7 +16,7 @@ namespace stillpoint {
 /// How a segmenter fails under motion blur. Chances are per instance and frame.
 struct MaskDamage {
   /// A spell of frames in which the whole instance is missing begins with this chance on a sharp
-  /// picture, and more per pixel of blur.
+  /// image, and more per pixel of blur.
   double miss_chance = 0.002, miss_chance_per_px = 0.0021;
   /// The same for one limb (or the carried object).
   double limb_chance = 0.008, limb_chance_per_px = 0.0034;
@@ -59,7 +59,7 @@ inline cv::Mat degrade_masks(const cv::Mat& labels, const cv::Mat& limbs, int fr
   std::vector<float> wander(kLabels, 0);
   for (int label = 1; label < kFirstMoverLabel; ++label) {
     if (pixels[static_cast<std::size_t>(label)] == 0) continue;
-    // Blur counts in pixels of a 640 wide picture.
+    // Blur counts in pixels of a 640 wide image.
     std::vector<double> blur;
     for (int back = 0; back < damage.longest_spell; ++back)
       blur.push_back(blur_px(label, frame - back) / scale);

@@ -52,7 +52,7 @@ inline std::vector<int> expected_neighbors(const std::vector<cv::Point2f>& point
   return expected;
 }
 
-/// `n` points in a picture: every second one at whole pixels (many at exactly the same distance),
+/// `n` points in an image: every second one at whole pixels (many at exactly the same distance),
 /// the others between.
 inline std::vector<cv::Point2f> conformance_points(std::size_t n, int width, int height,
                                                    std::uint64_t seed) {

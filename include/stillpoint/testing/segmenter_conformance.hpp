@@ -38,7 +38,7 @@
 namespace stillpoint {
 namespace testing {
 
-/// A picture of noise with some large shapes; the same for the same seed.
+/// An image of noise with some large shapes; the same for the same seed.
 inline RgbdFrame conformance_frame(const cv::Size& size, int type, std::uint64_t seed,
                                    double timestamp, bool with_depth = true) {
   RandomGenerator random(seed);

@@ -59,7 +59,7 @@ struct HostStats {
   std::uint32_t status = kOk;
   /// Objects in the mask, and how many of them were restored.
   int instances = 0, restored = 0;
-  /// Share of the picture in the mask, 0 to 1.
+  /// Share of the image in the mask, 0 to 1.
   double mask_share = 0;
   /// Time for the mask, and in the hook, milliseconds.
   double mask_ms = 0, hook_ms = 0;

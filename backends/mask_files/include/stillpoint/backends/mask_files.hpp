@@ -33,8 +33,8 @@ inline std::vector<FrameName> frame_names(const TumSequence& sequence) {
 /// A folder of masks that some network wrote before, as a Segmenter.
 ///
 /// One 8-bit gray PNG per frame, named by the color file's stem: rgb/123.456.jpg -> 123.456.png.
-/// 0 = background, k = instance k; a picture with only 0 and 255 is split into connected parts. An
-/// empty (all 0) picture: segmented, nobody seen. A missing file: no result for that frame, so its
+/// 0 = background, k = instance k; an image with only 0 and 255 is split into connected parts. An
+/// empty (all 0) image: segmented, nobody seen. A missing file: no result for that frame, so its
 /// masks are predicted from earlier ones; a segmenter at 4 Hz is such a folder. Masks are read one
 /// at a time, when asked for.
 class MaskFilesSegmenter : public Segmenter {
@@ -42,7 +42,7 @@ class MaskFilesSegmenter : public Segmenter {
   struct Settings {
     /// Class of every instance.
     std::string class_name = "person";
-    /// Smaller connected parts of a 0/255 picture are specks and dropped.
+    /// Smaller connected parts of a 0/255 image are specks and dropped.
     int min_area_px = 50;
     /// A frame belongs to the name whose timestamp is at most this far from its own.
     double max_difference_s = 0.005;
@@ -104,7 +104,7 @@ class MaskFilesSegmenter : public Segmenter {
   std::size_t masks() const { return present_; }
 
   /// Reads the frame's mask. `available` is false when the frame has no file. Throws Error if the
-  /// file is truncated, not 8 bits in one channel, or not of the color picture's size. O(pixels).
+  /// file is truncated, not 8 bits in one channel, or not of the color image's size. O(pixels).
   Segmentation segment(const RgbdFrame& frame) override {
     detail::check(std::isfinite(frame.timestamp), [&] {
       return "frame.timestamp: expected seconds, found " + std::to_string(frame.timestamp);

@@ -19,7 +19,7 @@ namespace orb_slam2 {
 template <class System>
 bool track_rgbd(System& slam, HostFrontEnd& front_end, const RgbdFrame& frame,
                 const Segmentation& segmentation, cv::Matx44d* T_world_camera = nullptr) {
-  constexpr int kNotInitialized = 1, kOk = 2;  // the host's states; below: not even a picture yet
+  constexpr int kNotInitialized = 1, kOk = 2;  // the host's states; below: not even an image yet
   front_end.compute_mask(frame, segmentation);
   const cv::Mat T_camera_world = slam.TrackRGBD(frame.color, frame.depth, frame.timestamp);
   const int state = slam.GetTrackingState();

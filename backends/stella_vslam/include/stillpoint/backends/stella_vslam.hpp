@@ -91,7 +91,7 @@ class StellaVslam {
 
   std::shared_ptr<Eigen::Matrix4d> track(const RgbdFrame& frame, const DynamicMask& mask) {
     detail::check(!frame.depth.empty(), [] {
-      return std::string("track_rgbd: frame.depth: expected a depth picture, found an empty one");
+      return std::string("track_rgbd: frame.depth: expected a depth image, found an empty one");
     });
     last_s_ = frame.timestamp;
     const Clock::time_point start = Clock::now();

@@ -33,7 +33,7 @@ struct TorchScriptSettings : NetworkSegmenterSettings {
 };
 
 /// A TorchScript file run by LibTorch: a module, traced or scripted, whose forward() takes one
-/// picture, 1 x 3 x H x W floats, and returns a tensor, or a list, tuple, NamedTuple or Dict of
+/// image, 1 x 3 x H x W floats, and returns a tensor, or a list, tuple, NamedTuple or Dict of
 /// them, nested or not. Outputs are converted to 32-bit floats.
 class TorchScriptRuntime : public NetworkRuntime {
  public:
@@ -66,7 +66,7 @@ class TorchScriptRuntime : public NetworkRuntime {
     for (const c10::Argument& a : forward->function().getSchema().arguments())
       arguments += !a.default_value();
     if (arguments != 1)
-      throw Error(name() + ": expected a forward() that takes one picture, found one that takes " +
+      throw Error(name() + ": expected a forward() that takes one image, found one that takes " +
                   std::to_string(arguments) + " arguments; wrap it in a module that takes one");
     read_input_size(files["config.txt"]);
   }

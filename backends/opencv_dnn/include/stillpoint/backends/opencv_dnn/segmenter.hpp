@@ -113,7 +113,7 @@ class OpenCvDnnRuntime : public NetworkRuntime {
     if (one) shape = header.inputs[0].shape;
     if (!one ||
         (!shape.empty() && (shape.size() != 4 || shape[0] > 1 || (shape[1] != 3 && shape[1] != 0))))
-      throw Error(name() + ": expected one input of 1x3xHxW (a color picture), found " +
+      throw Error(name() + ": expected one input of 1x3xHxW (a color image), found " +
                   (found.empty() ? "none" : found) + "; export the model so");
     input_name_ = header.inputs[0].name;
     if (shape.size() == 4 && shape[2] <= 8192 && shape[3] <= 8192)

@@ -19,7 +19,7 @@
 
 namespace stillpoint::rgbd_slam {
 
-/// Keypoints (raw pixels of the full picture, `octave` = pyramid level, `angle` in degrees) and one
+/// Keypoints (raw pixels of the full image, `octave` = pyramid level, `angle` in degrees) and one
 /// descriptor for each.
 struct Features {
   std::vector<cv::KeyPoint> keypoints;
@@ -30,7 +30,7 @@ struct Features {
 class FeatureExtractor {
  public:
   virtual ~FeatureExtractor() = default;
-  /// Fills `features` from a grey picture (CV_8UC1); `mask` (CV_8UC1, 255 = dynamic, may be empty)
+  /// Fills `features` from a grey image (CV_8UC1); `mask` (CV_8UC1, 255 = dynamic, may be empty)
   /// says where not to look. Called from one thread.
   virtual void extract(const cv::Mat& gray, const cv::Mat& mask, Features& features) = 0;
   /// Number of pyramid levels; `octave` of every keypoint is below it.
@@ -39,7 +39,7 @@ class FeatureExtractor {
   virtual double scale_factor() const = 0;
 };
 
-/// ORB keypoints spread evenly over picture and pyramid.
+/// ORB keypoints spread evenly over image and pyramid.
 ///
 /// On each level of the pyramid FAST corners are found with a threshold that falls in the cells
 /// where nothing stands out. Those on or at the rim of the dynamic mask are dropped *before* the
@@ -50,9 +50,9 @@ class FeatureExtractor {
 class OrbExtractor final : public FeatureExtractor {
  public:
   struct Settings {
-    /// Keypoints per picture, all levels together, if no mask hides anything.
+    /// Keypoints per image, all levels together, if no mask hides anything.
     int features = 1000;
-    /// A mask that hides a part of the picture leaves fewer directions to tell the pose by: more
+    /// A mask that hides a part of the image leaves fewer directions to tell the pose by: more
     /// keypoints in the rest make up for that. Their number is `features` divided by the square of
     /// the share that is left, but at most so many times `features`; 1: never more.
     double most_masked = 3;
@@ -97,7 +97,7 @@ class OrbExtractor final : public FeatureExtractor {
 
   void extract(const cv::Mat& gray, const cv::Mat& mask, Features& features) override {
     detail::check(gray.type() == CV_8UC1 && !gray.empty(), [&] {
-      return "OrbExtractor::extract: expected a CV_8UC1 picture, found " +
+      return "OrbExtractor::extract: expected a CV_8UC1 image, found " +
              stillpoint::detail::type_text(gray);
     });
     detail::check(mask.empty() || (mask.type() == CV_8UC1 && mask.size() == gray.size()), [&] {

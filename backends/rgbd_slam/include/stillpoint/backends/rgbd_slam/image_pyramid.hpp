@@ -23,7 +23,7 @@ inline void copy_gray(const RgbdFrame& frame, cv::Mat& gray) {
     frame.color.copyTo(gray);
 }
 
-/// A grey picture and smaller ones of it. Pixel centres are at whole numbers on every level.
+/// A grey image and smaller ones of it. Pixel centres are at whole numbers on every level.
 class ImagePyramid {
  public:
   /// Level 0 shares its data with `gray` (CV_8UC1). Levels under `min_side_px` are left out.

@@ -24,7 +24,7 @@ struct FrameKeypoint {
   /// Pyramid level, and its scale (1 on level 0).
   int octave = 0;
   float scale = 1;
-  /// True when (x, y) was refined on the picture itself.
+  /// True when (x, y) was refined on the image itself.
   bool refined = false;
 
   Eigen::Vector2d pixel() const { return {x, y}; }
@@ -87,7 +87,7 @@ class KeypointFrame {
       }
   }
 
-  /// True for a pixel inside the picture.
+  /// True for a pixel inside the image.
   bool contains(const Eigen::Vector2d& p) const {
     return p.x() >= 0 && p.y() >= 0 && p.x() < width_ && p.y() < height_;
   }

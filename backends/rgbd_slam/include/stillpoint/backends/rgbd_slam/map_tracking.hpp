@@ -47,7 +47,7 @@ class MapTracking {
     std::size_t max_local_keyframes = 40;
   };
 
-  /// What happened to the last frame. Without keypoints (a black picture, or all of it masked) it
+  /// What happened to the last frame. Without keypoints (a black image, or all of it masked) it
   /// is lost; without depth it is tracked on what the map knows.
   struct Stats {
     int keypoints = 0, with_depth = 0;

@@ -20,7 +20,7 @@ namespace stillpoint::rgbd_slam {
 /// How a point looked when it was first seen.
 ///
 /// A corner detector finds a corner again to within half a pixel or so. Laying the remembered patch
-/// onto the picture finds it to within a tenth, which halves the error of the trajectory.
+/// onto the image finds it to within a tenth, which halves the error of the trajectory.
 struct Patch {
   static constexpr int kSide = 16;
   /// Grey values, row by row; the point lies in the middle, at (7.5, 7.5).
@@ -33,7 +33,7 @@ struct Patch {
   bool empty() const { return depth_m <= 0; }
 };
 
-/// Cuts the patch at an undistorted pixel on a pyramid level; an empty one at the picture's rim.
+/// Cuts the patch at an undistorted pixel on a pyramid level; an empty one at the image's rim.
 inline Patch cut_patch(const ImagePyramid& pyramid, const Camera& camera,
                        const Eigen::Vector2d& pixel, int level,
                        const Eigen::Matrix3d& R_camera_world, double depth_m) {
@@ -56,10 +56,10 @@ inline Patch cut_patch(const ImagePyramid& pyramid, const Camera& camera,
   return patch;
 }
 
-/// Lays a point's patch onto a picture near an undistorted pixel and returns the place where it
+/// Lays a point's patch onto an image near an undistorted pixel and returns the place where it
 /// fits.
 ///
-/// The patch, taken as parallel to its own picture plane, is turned and scaled as the pose says;
+/// The patch, taken as parallel to its own image plane, is turned and scaled as the pose says;
 /// then place and brightness are fitted (inverse compositional Gauss-Newton on 8 x 8 pixels of the
 /// level). No value: it does not fit, or more than two pixels of the level away. Takes about 3 us.
 inline std::optional<Eigen::Vector2d> align_patch(const ImagePyramid& pyramid, const Camera& camera,

@@ -9,7 +9,7 @@
 
 namespace stillpoint::rgbd_slam {
 
-/// Keeps at most `budget` keypoints, the strongest of even cells, so that they cover the picture.
+/// Keeps at most `budget` keypoints, the strongest of even cells, so that they cover the image.
 ///
 /// The side of the cells is searched until about as many cells hold a keypoint as the budget
 /// allows; each gives its strongest, and what is left of the budget goes to the strongest of the

@@ -21,7 +21,7 @@ namespace stillpoint::rgbd_slam {
 
 /// Judges the first frames of a map again, once it is settled.
 ///
-/// At the start nobody may know yet who moves: where people fill half of the picture and no mask
+/// At the start nobody may know yet who moves: where people fill half of the image and no mask
 /// covers them, the first frames go with them, and when the masks come the rest of the way has a
 /// wrong beginning. So the first frames are kept, and tracked anew: those of the first second after
 /// one and a half, those of the first two after three, the last first, by those points only that

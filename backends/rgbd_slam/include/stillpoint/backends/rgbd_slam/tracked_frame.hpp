@@ -50,7 +50,7 @@ struct Projection {
   int octave;
 };
 
-/// Projects a point into a camera; false when it is not in view: behind, outside of the picture,
+/// Projects a point into a camera; false when it is not in view: behind, outside of the image,
 /// too near or too far for the pyramid, or seen from another side.
 inline bool project(const Optics& optics, const KeypointFrame& frame, const MapPoint& point,
                     const Eigen::Isometry3d& T_camera_world, Projection& projection) {
