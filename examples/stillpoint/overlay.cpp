@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include "overlay.hpp"
 
+#include <algorithm>
 #include <cstdio>
 #include <fstream>
 #include <iterator>
 #include <opencv2/imgproc.hpp>
 
+#include "stillpoint/core/distortion.hpp"
 #include "stillpoint/core/error.hpp"
 
 namespace stillpoint::cli {
@@ -56,6 +58,30 @@ cv::Mat draw_overlay(const cv::Mat& color, const DynamicMask& mask,
     write(picture, x, words, kYellow);
   }
   return picture;
+}
+
+void draw_objects(cv::Mat& overlay, const std::vector<DynamicObject>& objects,
+                  const Camera& camera) {
+  constexpr double kAheadS = 0.5, kLeastSpeed = 0.1, kLeastDepthM = 0.2;
+  const cv::Scalar white(255, 255, 255), black(0, 0, 0);
+  cv::Mat view = overlay.rowRange(0, overlay.rows - kStrip);
+  const auto pixel = [&](const Eigen::Vector3d& p) {
+    const Eigen::Vector2d at = distort_pixel(camera, camera.project(p));
+    return cv::Point(cvRound(at.x()), cvRound(at.y()));
+  };
+  for (const DynamicObject& object : objects) {
+    const std::string name =
+        std::to_string(object.id) + (object.class_name.empty() ? "" : " " + object.class_name);
+    const cv::Point at(object.box.x + 3, std::max(12, object.box.y + 12));
+    cv::putText(view, name, at, cv::FONT_HERSHEY_SIMPLEX, 0.42, black, 3, cv::LINE_AA);
+    cv::putText(view, name, at, cv::FONT_HERSHEY_SIMPLEX, 0.42, white, 1, cv::LINE_AA);
+    if (!object.in_camera || object.in_camera->velocity_m_s.norm() < kLeastSpeed) continue;
+    const Eigen::Vector3d from = object.in_camera->centroid_m;
+    const Eigen::Vector3d to = from + kAheadS * object.in_camera->velocity_m_s;
+    if (!(from.z() > kLeastDepthM && to.z() > kLeastDepthM)) continue;
+    cv::arrowedLine(view, pixel(from), pixel(to), black, 4, cv::LINE_AA, 0, 0.25);
+    cv::arrowedLine(view, pixel(from), pixel(to), white, 2, cv::LINE_AA, 0, 0.25);
+  }
 }
 
 cv::Mat draw_stages(const RgbdFrame& frame, const cv::Mat& truth,

@@ -6,8 +6,10 @@
 #include <utility>
 #include <vector>
 
+#include "stillpoint/core/camera.hpp"
 #include "stillpoint/core/frame.hpp"
 #include "stillpoint/core/mask.hpp"
+#include "stillpoint/core/object.hpp"
 
 namespace stillpoint::cli {
 
@@ -17,6 +19,11 @@ namespace stillpoint::cli {
 cv::Mat draw_overlay(const cv::Mat& color, const DynamicMask& mask,
                      const std::vector<cv::Point2f>& kept, const std::vector<cv::Point2f>& removed,
                      double timestamp);
+
+/// Adds to an overlay each object's id and class at its box, and an arrow to where it will be in
+/// half a second; none where its velocity is not known, or below 0.1 m/s.
+void draw_objects(cv::Mat& overlay, const std::vector<DynamicObject>& objects,
+                  const Camera& camera);
 
 /// The way of a frame's mask in six small images: the frame, four stages with their names (each
 /// against the truth: right green, missing red, too much blue), and the kept keypoints.

@@ -18,7 +18,7 @@ namespace fs = std::filesystem;
 
 struct RunCommand {
   RunSettings settings;
-  fs::path out;
+  fs::path out, objects;
   bool save_masks = false, save_keypoints = false;
   std::size_t overlay_every = 0, worst = 0;
 };
@@ -93,6 +93,9 @@ void run(RunCommand command) {
     throw Error("--save-worst: needs " + (settings.sequence / "masks_gt").string() +
                 " to tell what is wrong");
 
+  if (!command.objects.empty() && !settings.front_end)
+    throw Error("--save-objects: the front end follows objects; leave --front-end off out");
+
   // Results are made beside those of an earlier run, and take their place when all are there.
   for (const char* name : kResults) fs::remove_all(partial(command.out / name));
   RunOutputs outputs;
@@ -103,6 +106,7 @@ void run(RunCommand command) {
   outputs.map_ply = partial(command.out / "map.ply");
   if (command.save_masks) outputs.masks_dir = partial(command.out / "masks");
   if (command.save_keypoints) outputs.keypoints_csv = partial(command.out / "keypoints.csv");
+  outputs.objects_csv = command.objects;
   if (command.overlay_every > 0) outputs.overlays_dir = partial(command.out / "overlays");
   outputs.overlay_every = command.overlay_every;
   outputs.worst = command.worst;
@@ -207,6 +211,10 @@ void add_run_command(CLI::App& app) {
                     "Write DIR/masks/STEM.png: the final mask, 255 = dynamic");
   command->add_flag("--save-keypoints", options->save_keypoints,
                     "Write DIR/keypoints.csv: timestamp,x,y,probability,kept");
+  command
+      ->add_option("--save-objects", options->objects,
+                   "Write the objects of each frame as CSV: id, class, box, place, velocity")
+      ->type_name("FILE");
   command
       ->add_option_function<std::string>(
           "--save-overlays",

@@ -82,7 +82,7 @@ class Job {
         depth_check_(*sequence_.camera()),
         recorder_(truth_dir_),
         judge_(front_end_settings_, settings.features),
-        writer_(outputs),
+        writer_(outputs, *sequence_.camera()),
         worst_(outputs) {
     // Read before the run: a broken file must not be found after hours.
     if (sequence_.has_groundtruth())

@@ -70,6 +70,8 @@ struct RunOutputs {
   /// Writes what was tracked also when the run breaks off.
   bool keep_unfinished = false;
   std::filesystem::path map_ply, masks_dir, keypoints_csv, overlays_dir;
+  /// The objects of each frame (see io/objects_file.hpp).
+  std::filesystem::path objects_csv;
   /// Two small images of the map: behind.jpg and above.jpg.
   std::filesystem::path map_views_dir;
   /// An overlay of every n-th frame, or of those whose stems are listed.

@@ -12,7 +12,9 @@
 #include "stillpoint/core/error.hpp"
 #include "stillpoint/evaluation/stage_timing.hpp"
 #include "stillpoint/io/mask_folder.hpp"
+#include "stillpoint/io/objects_file.hpp"
 #include "stillpoint/io/picture_file.hpp"
+#include "stillpoint/io/text_file.hpp"
 
 namespace stillpoint::cli {
 namespace {
@@ -28,7 +30,8 @@ double sharpness(const ImageBlur& blur) {
 
 }  // namespace
 
-FrameWriter::FrameWriter(const RunOutputs& outputs) : outputs_(outputs) {
+FrameWriter::FrameWriter(const RunOutputs& outputs, const Camera& camera)
+    : outputs_(outputs), camera_(camera), objects_(objects_csv_header()) {
   if (!outputs_.masks_dir.empty()) make_folder(outputs_.masks_dir);
   if (!outputs_.overlays_dir.empty()) make_folder(outputs_.overlays_dir);
   if (outputs_.keypoints_csv.empty()) return;
@@ -52,6 +55,8 @@ void FrameWriter::write(const FrameView& view, const std::string& stem, WholePic
                    static_cast<double>(p.x), static_cast<double>(p.y),
                    static_cast<double>(selection.probability[i]), selection.is_kept(i) ? 1 : 0);
     }
+  if (!outputs_.objects_csv.empty())
+    objects_ += objects_csv(frame.timestamp, view.front_end().objects());
   const auto& stems = outputs_.overlay_stems;
   const bool wanted = (outputs_.overlay_every > 0 && view.index() % outputs_.overlay_every == 0) ||
                       std::find(stems.begin(), stems.end(), stem) != stems.end();
@@ -63,13 +68,16 @@ void FrameWriter::write(const FrameView& view, const std::string& stem, WholePic
     for (std::size_t i = 0; i < judge.keypoints().size(); ++i)
       if (!judge.selection().is_kept(i)) removed.push_back(judge.keypoints()[i].pt);
   }
+  cv::Mat overlay = draw_overlay(frame.color, view.mask(), kept, removed, frame.timestamp);
+  if (view.uses_front_end()) draw_objects(overlay, view.front_end().objects(), camera_);
   write_picture(outputs_.overlays_dir / (stem + (outputs_.overlays_jpeg ? ".jpg" : ".png")),
-                draw_overlay(frame.color, view.mask(), kept, removed, frame.timestamp));
+                overlay);
 }
 
 void FrameWriter::finish() {
   if (csv_ && (std::fflush(csv_.get()) != 0 || std::ferror(csv_.get()) != 0))
     throw Error(outputs_.keypoints_csv.string() + ": could not be written to its end (disk full?)");
+  if (!outputs_.objects_csv.empty()) write_file(outputs_.objects_csv, objects_, "objects file");
 }
 
 void WorstFrames::add(const FrameView& view, const std::string& stem, const cv::Mat& truth,

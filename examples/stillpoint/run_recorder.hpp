@@ -12,18 +12,19 @@
 #include "frame_view.hpp"
 #include "judge.hpp"
 #include "run_job.hpp"
+#include "stillpoint/core/camera.hpp"
 #include "stillpoint/evaluation/keypoint_metrics.hpp"
 #include "stillpoint/evaluation/mask_metrics.hpp"
 #include "stillpoint/motion/blur_meter.hpp"
 
 namespace stillpoint::cli {
 
-/// Writes what a run leaves behind frame by frame: masks, keypoints.csv, overlays.
+/// Writes what a run leaves behind frame by frame: masks, keypoints.csv, overlays; and the objects.
 class FrameWriter {
  public:
-  explicit FrameWriter(const RunOutputs& outputs);
+  FrameWriter(const RunOutputs& outputs, const Camera& camera);
   void write(const FrameView& view, const std::string& stem, WholePictureJudge& judge);
-  /// Throws Error if keypoints.csv could not be written to its end.
+  /// Throws Error if keypoints.csv or the objects could not be written to their end.
   void finish();
 
  private:
@@ -31,7 +32,9 @@ class FrameWriter {
     void operator()(std::FILE* file) const { std::fclose(file); }
   };
   RunOutputs outputs_;
+  Camera camera_;
   std::unique_ptr<std::FILE, Close> csv_;
+  std::string objects_;
 };
 
 /// Keeps an image of each of the worst frames, stage by stage: those in which most of the image

@@ -13,6 +13,20 @@
 namespace stillpoint {
 namespace {
 
+TEST_F(Cli, RunWritesTheObjects) {
+  const Result r = run("run walk --out followed --save-objects followed.csv --save-overlays 6");
+  ASSERT_EQ(r.code, 0) << r.err;
+  const std::string csv = text_of(path("followed.csv"));
+  EXPECT_EQ(csv.compare(0, 22, "timestamp,id,class,sco"), 0) << csv.substr(0, 80);
+  EXPECT_GE(lines_of(csv), 1 + 12) << "two people in 12 frames";
+  EXPECT_NE(csv.find(",person,"), std::string::npos);
+  EXPECT_EQ(files_in(path("followed") / "overlays", ".png"), 2u);
+  const Result off = run("run walk --out followed --save-objects no.csv --front-end off");
+  EXPECT_EQ(off.code, 1);
+  EXPECT_NE(off.err.find("--save-objects"), std::string::npos) << off.err;
+  EXPECT_FALSE(fs::exists(path("no.csv")));
+}
+
 TEST_F(Cli, RunWritesWhatItSays) {
   const Result r = run("run walk --out out --save-masks --save-keypoints --save-overlays 5");
   ASSERT_EQ(r.code, 0) << r.err;
