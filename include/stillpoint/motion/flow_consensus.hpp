@@ -45,7 +45,7 @@ class FlowConsensus {
   }
 
   void add(const Flow& f) {
-    const Eigen::Index k = static_cast<Eigen::Index>(flows_.size() % 4);
+    const std::size_t k = flows_.size() % 4;
     if (k == 0) blocks_.push_back(Block());
     blocks_.back().set(k, f);
     flows_.push_back(f);
@@ -110,7 +110,7 @@ class FlowConsensus {
     Packet x = Packet::constant(0), y = x, z = Packet::constant(1);  // in space before
     Packet u = x, v = x, depth = x, has_depth = x, area = x;
 
-    void set(Eigen::Index k, const Flow& f) {
+    void set(std::size_t k, const Flow& f) {
       x[k] = f.from.x(), y[k] = f.from.y(), z[k] = f.from.z();
       u[k] = f.flat_u, v[k] = f.flat_v, depth[k] = f.depth_m, area[k] = f.area;
       has_depth[k] = f.depth_m > 0 ? 1.0f : 0.0f;
