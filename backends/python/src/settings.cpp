@@ -4,9 +4,9 @@
 #include <algorithm>
 #include <cstdio>
 #include <limits>
-#include <numeric>
 
 #include "stillpoint/core/error.hpp"
+#include "stillpoint/io/setting_names.hpp"
 
 namespace stillpoint::python {
 namespace {
@@ -26,22 +26,6 @@ void collect(const SettingsTable& table, void* settings, const std::string& pref
   }
 }
 
-/// How many letters must change to make one word the other (Levenshtein).
-std::size_t distance(const std::string& a, const std::string& b) {
-  std::vector<std::size_t> row(b.size() + 1);
-  std::iota(row.begin(), row.end(), std::size_t{0});
-  for (std::size_t i = 1; i <= a.size(); ++i) {
-    std::size_t diagonal = row[0];
-    row[0] = i;
-    for (std::size_t j = 1; j <= b.size(); ++j) {
-      const std::size_t changed = diagonal + (a[i - 1] != b[j - 1]);
-      diagonal = row[j];
-      row[j] = std::min({changed, row[j] + 1, row[j - 1] + 1});
-    }
-  }
-  return row[b.size()];
-}
-
 const Place& place_of(const std::string& table, const std::vector<Place>& places,
                       const std::string& name) {
   std::vector<const Place*> same;
@@ -50,7 +34,8 @@ const Place& place_of(const std::string& table, const std::vector<Place>& places
   for (const Place& p : places) {
     if (p.path == name) return p;
     if (p.field->name == name) same.push_back(&p);
-    const std::size_t d = std::min(distance(p.path, name), distance(p.field->name, name));
+    const std::size_t d = std::min(detail::letters_between(p.path, name),
+                                   detail::letters_between(p.field->name, name));
     if (d < least) nearest = &p, least = d;
   }
   if (same.empty())
