@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include "accuracy.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <utility>
 
@@ -43,26 +44,45 @@ void add_paths(Json& series, const Trajectory& truth, const Trajectory& estimate
   series["truth"] = true_path;
 }
 
+double spread_m(const Trajectory& truth, const std::vector<TimestampPair>& matches) {
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  double squares = 0;
+  for (const TimestampPair& m : matches) {
+    const Eigen::Vector3d p = truth[m.first].T_world_camera.translation() -
+                              truth[matches[0].first].T_world_camera.translation();
+    sum += p;
+    squares += p.squaredNorm();
+  }
+  const auto n = static_cast<double>(matches.size());
+  return std::sqrt(std::max(0.0, squares / n - (sum / n).squaredNorm()));
+}
+
 }  // namespace
 
 Accuracy measure_accuracy(const Trajectory& groundtruth, const Trajectory& estimate,
                           const std::vector<double>& frames, const RpeSettings& rpe_settings) {
-  return {ate(groundtruth, estimate, kMaxDifferenceS),
+  const AteResult rigid = ate(groundtruth, estimate, kMaxDifferenceS);
+  return {rigid,
           ate(groundtruth, estimate, kMaxDifferenceS, Alignment::kSim3),
+          spread_m(groundtruth, rigid.matches),
           rpe(groundtruth, estimate, rpe_settings),
           rpe(groundtruth, estimate, RpeSettings::over_seconds(1)),
           coverage(groundtruth, estimate, frames, kMaxDifferenceS)};
 }
 
-std::optional<std::string> scale_problem(const Accuracy& a) {
-  constexpr double kLeastErrorM = 0.01, kLeastRatio = 1.5, kExplained = 0.3;
+std::optional<std::string> scale_problem(const Accuracy& a, std::optional<double> units_per_m) {
+  constexpr double kLeastErrorM = 0.01, kLeastRatio = 1.3, kExplained = 0.3;
   const double scale = a.ate_sim3.scale;
   if (!(scale > 0) || std::abs(std::log(scale)) < std::log(kLeastRatio) ||
-      a.ate.rmse_m < kLeastErrorM || a.ate_sim3.rmse_m > kExplained * a.ate.rmse_m)
+      a.ate.rmse_m < kLeastErrorM || a.ate_sim3.rmse_m > kExplained * a.ate.rmse_m ||
+      a.ate_sim3.rmse_m > kExplained * a.spread_m)  // else a camera that stood explains anything
     return std::nullopt;
   return "the estimate is " + fixed(1 / scale, 2) +
          " times as large as the ground truth, and without that its error would be " +
-         fixed(a.ate_sim3.rmse_m, 4) + " m: is the depth factor (units per metre) right?";
+         fixed(a.ate_sim3.rmse_m, 4) + " m: is the depth factor (units per metre) right? " +
+         (units_per_m ? fixed(*units_per_m / scale, 0) + " in place of " + fixed(*units_per_m, 0)
+                      : "One " + fixed(1 / scale, 2) + " times as large") +
+         " would fit";
 }
 
 Json to_json(const Accuracy& a) {
@@ -100,6 +120,7 @@ Trajectory camera_groundtruth(Trajectory groundtruth, const std::string& of) {
 
 void add_accuracy(Json& stats, Json* series, const Trajectory& groundtruth,
                   const Trajectory& estimate, const std::vector<double>& frames,
+                  std::optional<double> units_per_m,
                   const std::function<void(const std::string&)>& say) {
   const Coverage cover = coverage(groundtruth, estimate, frames);
   if (cover.frames == 0) {
@@ -115,7 +136,7 @@ void add_accuracy(Json& stats, Json* series, const Trajectory& groundtruth,
   }
   const Accuracy accuracy = measure_accuracy(groundtruth, estimate, frames, RpeSettings());
   stats["evaluation"] = to_json(accuracy);
-  if (const auto problem = scale_problem(accuracy)) say(*problem);
+  if (const auto problem = scale_problem(accuracy, units_per_m)) say(*problem);
   if (series) add_paths(*series, groundtruth, estimate, accuracy.ate, frames);
 }
 
@@ -134,7 +155,7 @@ Json judge_estimate(const RunSettings& settings, const fs::path& file) {
   for (double t : times) series["t_s"].push_back(std::round((t - times.front()) * 1e6) / 1e6);
   stats["groundtruth_of"] = settings.groundtruth_of;
   add_accuracy(stats, &series, camera_groundtruth(sequence.groundtruth(), settings.groundtruth_of),
-               estimate, times, [&](const std::string& text) { notes.push_back(text); });
+               estimate, times, {}, [&](const std::string& text) { notes.push_back(text); });
   stats["estimate"] = file.string();
   stats["versions"] = versions_json();
   stats["machine"] = machine_json();

@@ -18,6 +18,8 @@ namespace stillpoint::cli {
 struct Accuracy {
   /// Aligned without scale, and with it.
   AteResult ate, ate_sim3;
+  /// RMS distance of the true positions from their mean: how far the camera went, metres.
+  double spread_m = 0;
   /// From frame to frame (or what was asked for), and over a second.
   RpeResult rpe, rpe_1s;
   Coverage coverage;
@@ -31,7 +33,9 @@ Accuracy measure_accuracy(const Trajectory& groundtruth, const Trajectory& estim
                           const std::vector<double>& frames, const RpeSettings& rpe_settings);
 
 /// Says when most of the error is one of scale: a wrong depth factor, or a camera without depth.
-std::optional<std::string> scale_problem(const Accuracy& accuracy);
+/// `units_per_m`: the factor that was used, if it is known.
+std::optional<std::string> scale_problem(const Accuracy& accuracy,
+                                         std::optional<double> units_per_m = {});
 
 nlohmann::ordered_json to_json(const Accuracy& accuracy);
 
@@ -45,11 +49,11 @@ Trajectory camera_groundtruth(Trajectory groundtruth, const std::string& of);
 
 /// Puts coverage, "coverage_of" and, unless too little was tracked, "evaluation" into `stats`, by
 /// one rule for our own runs and for other systems' trajectories. `frames`: timestamps of all
-/// frames. `series` (may be null) gets error_m, path and truth per frame, for plots. What the user
-/// should know goes to `say`.
+/// frames. `units_per_m`: the depth factor that was used, if it is known. `series` (may be null)
+/// gets error_m, path and truth per frame, for plots. What the user should know goes to `say`.
 void add_accuracy(nlohmann::ordered_json& stats, nlohmann::ordered_json* series,
                   const Trajectory& groundtruth, const Trajectory& estimate,
-                  const std::vector<double>& frames,
+                  const std::vector<double>& frames, std::optional<double> units_per_m,
                   const std::function<void(const std::string&)>& say);
 
 /// Judges another system's trajectory (TUM format) of a sequence by the same rules, as far as they

@@ -207,14 +207,19 @@ class MaskJob {
     const Camera camera = sequence_.camera().value_or(Camera());
     Masker masker(front_end_, camera, segmenter_.get(), settings_.network_only);
     DepthScaleCheck depth_check(camera);
+    bool depth_told = false;
     const auto start = std::chrono::steady_clock::now();
     for (std::size_t i = 0; i < count_; ++i) {
       const RgbdFrame frame = sequence_.load(i);
       process(masker, frame, sequence_.entry(i));
       depth_check.add(frame, masker.instances());
+      const bool last = i + 1 == count_;
+      if (!depth_told && (last || depth_check.is_over(frame.timestamp))) {
+        depth_told = true;
+        if (const auto problem = depth_check.problem()) note_(*problem);
+      }
       progress(i + 1, count_);
     }
-    if (const auto problem = depth_check.problem()) note_(*problem);
     if (counts_.segmenter_errors == counts_.frames)
       throw Error("the segmenter failed in all " + std::to_string(counts_.frames) +
                   " frames: " + counts_.segmenter_error);

@@ -31,6 +31,7 @@
 #include <algorithm>
 #include <memory>
 #include <optional>
+#include <utility>
 
 #include "accuracy.hpp"
 #include "environment.hpp"
@@ -87,6 +88,7 @@ class Job {
     // Read before the run: a broken file must not be found after hours.
     if (sequence_.has_groundtruth())
       groundtruth_ = camera_groundtruth(sequence_.groundtruth(), settings.groundtruth_of);
+    truth_times_ = detail::timestamps_of(groundtruth_);
     choose_segmenter(settings_);
     front_end_settings_ = front_end_settings(settings_);
     segmenter_ = make_late(settings_, make_segmenter(settings_, sequence_));
@@ -190,7 +192,20 @@ class Job {
     if (depth_told_) return;
     depth_check_.add(view.frame(), view.uses_front_end() ? view.front_end().instances()
                                                          : std::vector<Instance>());
+    compare_motion(view);
     if (depth_check_.is_over(view.frame().timestamp)) tell_depth();
+  }
+  /// How far it is from the first tracked frame, beside the truth. Without the front end who walks
+  /// by carries the tracker along: that is no error of the depth.
+  void compare_motion(const FrameView& view) {
+    if (!view.pose() || groundtruth_.empty() || !view.uses_front_end()) return;
+    const double t = view.frame().timestamp;
+    const StampedPose& truth = groundtruth_[detail::nearest(truth_times_, t)];
+    if (std::abs(truth.timestamp - t) > kMaxDifferenceS) return;
+    const Eigen::Vector3d tracked_m = view.pose()->translation(),
+                          true_m = truth.T_world_camera.translation();
+    if (!start_) start_ = {tracked_m, true_m};
+    depth_check_.add_motion((tracked_m - start_->first).norm(), (true_m - start_->second).norm());
   }
   void tell_depth() {
     if (!depth_told_)
@@ -247,6 +262,7 @@ class Job {
     const std::vector<double> frames = recorder_.timestamps();
     stats["groundtruth_of"] = settings_.groundtruth_of;
     add_accuracy(stats, outputs_.series ? &series : nullptr, groundtruth_, trajectory_, frames,
+                 sequence_.camera()->depth_units_per_m,
                  [this](const std::string& text) { say(text); });
     if (coverage(groundtruth_, online_, frames).covered >= 3)
       stats["evaluation_online"] =
@@ -265,6 +281,8 @@ class Job {
   std::unique_ptr<Tracker> tracker_;
   std::optional<ThinnedTracker> thinned_;
   DepthScaleCheck depth_check_;
+  std::vector<double> truth_times_;
+  std::optional<std::pair<Eigen::Vector3d, Eigen::Vector3d>> start_;  // tracked, true
   RunRecorder recorder_;
   WholePictureJudge judge_;
   FrameWriter writer_;

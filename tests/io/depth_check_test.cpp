@@ -115,6 +115,90 @@ TEST(DepthScaleCheck, LooksAtPeople) {
   EXPECT_NE(with_person.problem()->find("5000 would give 1.2 m"), std::string::npos);
 }
 
+// A room as Kinect v1 sees it: floor 1.3 m below, walls at 5 m, disparity in eighths of a pixel.
+RgbdFrame kinect_room(const stillpoint::Camera& camera, double given) {
+  RgbdFrame frame;
+  frame.color = cv::Mat::zeros(camera.height, camera.width, CV_8UC3);
+  frame.depth.create(frame.color.size(), CV_16UC1);
+  frame.depth_units_per_m = given;
+  for (int y = 0; y < camera.height; ++y)
+    for (int x = 0; x < camera.width; ++x) {
+      const double down = (y - camera.cy) / camera.fy, aside = (x - camera.cx) / camera.fx;
+      double z = 5 / (1 + 0.5 * std::abs(aside));
+      if (down > 0) z = std::min(z, 1.3 / down);
+      const double eighths = std::round(8 * 580 * 0.075 / z);
+      frame.depth.at<std::uint16_t>(y, x) =
+          cv::saturate_cast<std::uint16_t>(5000 * 8 * 580 * 0.075 / eighths);
+    }
+  return frame;
+}
+
+TEST(DepthScaleCheck, NoticesAFactorOfTwoByKinectsSteps) {
+  stillpoint::Camera camera;
+  camera.width = 640, camera.height = 480;
+  camera.fx = camera.fy = 525, camera.cx = 319.5, camera.cy = 239.5;
+  for (const double given : {5000.0, 10000.0}) {
+    stillpoint::DepthScaleCheck check(camera);
+    check.add(kinect_room(camera, given));
+    const auto problem = check.problem();
+    ASSERT_EQ(problem.has_value(), given != 5000) << problem.value_or("");
+    if (!problem) continue;
+    EXPECT_NE(problem->find("; 5000 would give"), std::string::npos) << *problem;
+    EXPECT_NE(problem->find(" m above the floor"), std::string::npos) << *problem;
+  }
+  // The angle of a RealSense D435, whose steps are half of Kinect's.
+  camera.fx = camera.fy = 610;
+  stillpoint::DepthScaleCheck check(camera);
+  check.add(kinect_room(camera, 10000));
+  EXPECT_FALSE(check.problem()) << *check.problem();
+}
+
+TEST(DepthScaleCheck, LooksAtTheFloor) {
+  // Walls at 6.5 and 11 m, of a hall or, with 5000, of a room: that the floor is 4.5 m below
+  // decides.
+  stillpoint::Camera camera;
+  camera.width = 320, camera.height = 240;
+  camera.fx = camera.fy = 80, camera.cx = 160, camera.cy = 120;
+  RgbdFrame frame;
+  frame.color = cv::Mat::zeros(240, 320, CV_8UC3);
+  frame.depth.create(240, 320, CV_16UC1);
+  frame.depth_units_per_m = 1000;
+  for (int y = 0; y < 240; ++y)
+    frame.depth.row(y) = y < 80    ? 11000
+                         : y < 176 ? 6500
+                                   : std::min(6500.0, 4500 * camera.fy / (y - camera.cy));
+  stillpoint::DepthScaleCheck without, with(camera);
+  without.add(frame);
+  with.add(frame);
+  EXPECT_FALSE(without.problem()) << *without.problem();
+  const auto problem = with.problem();
+  ASSERT_TRUE(problem);
+  EXPECT_NE(problem->find(" m above the floor"), std::string::npos) << *problem;
+}
+
+TEST(DepthScaleCheck, BelievesAMetricPathMoreThanTheScene) {
+  RgbdFrame near = frame_of(CV_16UC1, 400, 5000);  // 0.08 m
+  for (const double ratio : {1.0, 2.02, 0.5, 0.1}) {
+    stillpoint::DepthScaleCheck check;
+    check.add(ratio == 1 ? near : frame_of(CV_16UC1, 10000, 5000));
+    for (int i = 0; i < 10; ++i) check.add_motion(ratio * 0.03 * i, 0.03 * i);
+    const auto problem = check.problem();
+    ASSERT_EQ(problem.has_value(), ratio != 1) << problem.value_or("");
+    if (!problem) continue;
+    const std::string fits = ratio > 1     ? "; about 10100 would fit"
+                             : ratio > 0.2 ? "; about 2500 would fit"
+                                           : "; 1000 would give";
+    EXPECT_NE(problem->find(fits), std::string::npos) << *problem;
+  }
+  // Motions that disagree, or are too few, say nothing.
+  stillpoint::DepthScaleCheck disagree, few;
+  for (auto* check : {&disagree, &few}) check->add(frame_of(CV_16UC1, 10000, 5000));
+  for (int i = 1; i < 20; ++i) disagree.add_motion(0.1 * i, 0.2);
+  for (int i = 0; i < 4; ++i) few.add_motion(0.4, 0.2);
+  EXPECT_FALSE(disagree.problem());
+  EXPECT_FALSE(few.problem());
+}
+
 TEST(DepthScaleCheck, OfRealAndRenderedSequences) {
   int found = 0;
   for (const char* name : {"real/fr1_desk", "real/fr1_rpy_fast", "real/confusao",
@@ -128,8 +212,9 @@ TEST(DepthScaleCheck, OfRealAndRenderedSequences) {
       std::vector<RgbdFrame> second;
       for (std::size_t i = begin; i < std::min(begin + 30, sequence.size()); i += 6)
         second.push_back(sequence.load(i));
-      for (const double given : {5000.0, 1000.0, 1.0}) {
-        stillpoint::DepthScaleCheck check;
+      for (const double given : {5000.0, 10000.0, 1000.0, 1.0}) {
+        if (given == 10000 && (!sequence.camera() || right == 1000)) continue;
+        stillpoint::DepthScaleCheck check(sequence.camera().value_or(stillpoint::Camera()));
         for (RgbdFrame& frame : second) {
           frame.depth_units_per_m = given;
           check.add(frame);
