@@ -67,9 +67,12 @@ class CellLabels {
     const int last_x = std::min((right + b - 1) / b, width_);
     const int last_y = std::min((bottom + b - 1) / b, height_);
     for (int y = area.y / b; y < last_y; ++y)
-      for (int x = area.x / b; x < last_x; ++x)
-        if (cells(y, x) != 0)
-          mask(cv::Rect(cv::Rect(x * b, y * b, b, b) & area) - area.tl()).setTo(0);
+      for (int x = area.x / b; x < last_x; ++x) {
+        const int first = x;
+        while (x < last_x && cells(y, x) != 0) ++x;
+        if (x > first)
+          mask((cv::Rect(first * b, y * b, (x - first) * b, b) & area) - area.tl()).setTo(0);
+      }
   }
 
  private:

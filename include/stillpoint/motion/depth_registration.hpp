@@ -47,7 +47,7 @@ class DepthRegistration {
     for (int i = 0; i < kSteps; ++i) {
       // From far few agree exactly.
       const bool coarse = i < 2;
-      compare(cells, result.T_map_depth, i == 0 ? 3.0f : i == 1 ? 2.0f : 1.0f, coarse ? 2 : 1);
+      compare(cells, result.T_map_depth, i == 0 ? 3.0f : i == 1 ? 2.0f : 1.0f, coarse ? 4 : 1);
       if (weight_.size() < kFewest) return std::nullopt;
       result.fit = static_cast<double>(agreeing_) / static_cast<double>(compared_);
       const double step = improve(prior, rotation_sigma, translation_sigma_m, result.T_map_depth);
@@ -61,7 +61,7 @@ class DepthRegistration {
   using Vector6f = Eigen::Matrix<float, 6, 1>;
   static constexpr int kSteps = 4;
   static constexpr std::size_t kFewest = 100;                 // cells
-  static constexpr double kMostStep = 0.5, kTinyStep = 2e-4;  // radians and metres
+  static constexpr double kMostStep = 0.5, kTinyStep = 1e-3;  // radians and metres
   // Neighbors err alike: so many cells tell as much as all.
   static constexpr double kIndependent = 50;
   static constexpr float kTukey = 4;         // sigmas beyond which a cell has no say
@@ -119,9 +119,9 @@ class DepthRegistration {
     const float left = over[0] + b * (under[0] - over[0]);
     const float right = over[1] + b * (under[1] - over[1]);
     const float error = left + a * (right - left) - q.z();
-    const float sigma = sensor_.depth_sigma_m(q.z()) + kCellSigmaM;
+    const float of_sensor = sensor_.depth_sigma_m(q.z()), sigma = of_sensor + kCellSigmaM;
     ++compared_;
-    agreeing_ += std::abs(error) < sensor_.least_step_m(q.z());
+    agreeing_ += std::abs(error) < static_cast<float>(sensor_.sigmas) * of_sensor;
     const float far = error / (kTukey * reach * sigma), near = 1 - far * far;
     if (!(near > 0)) return;
     // How the difference changes as the point moves: along the surface's slope, and in depth.

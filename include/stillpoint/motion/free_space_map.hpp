@@ -127,7 +127,7 @@ class FreeSpaceMap {
  private:
   static constexpr double kMemoryS = 1.7, kLeastStepS = 0.0325, kSettledS = 0.3;
   static constexpr std::size_t kCapacity = 52;  // kMemoryS / kLeastStepS
-  static constexpr float kBeyond = 1e9f;
+  static constexpr float kBeyond = 1e9f, kNever = 1e9f;
   static constexpr float kSurelyInRange = 0.8f;
   // Sensors measure nothing close by either: so near, a hole does not tell what was there.
   static constexpr float kSurelyMeasuredM = 1;
@@ -162,9 +162,7 @@ class FreeSpaceMap {
   struct Receding {
     float least_m_s = 1e9f, most_m_s = 0;
     int count = 0;
-    void add(float surface_m, float z, float step, float age_s) {
-      const bool behind = surface_m > 0 && z < kBeyond && z - surface_m > step;
-      const float speed = behind ? (z - surface_m) / age_s : 1e9f;
+    void add(float speed) {
       least_m_s = std::min(least_m_s, speed), most_m_s = std::max(most_m_s, speed);
       ++count;
     }
@@ -175,10 +173,10 @@ class FreeSpaceMap {
   };
 
   // A row of cells in an earlier image: the cell they fall on, the depth they have there (far
-  // beyond everything if they have none or lie too near), and the least step there.
+  // beyond everything if they have none or lie too near), and the square of the least step there.
   struct Row {
     std::vector<int> cell;
-    std::vector<float> z, least_step;
+    std::vector<float> z, least_step2;
   };
   struct Projection {
     Eigen::Matrix3f R;
@@ -194,7 +192,7 @@ class FreeSpaceMap {
                       const float* STILLPOINT_RESTRICT ray_y,
                       const float* STILLPOINT_RESTRICT depth, std::size_t n,
                       int* STILLPOINT_RESTRICT cell, float* STILLPOINT_RESTRICT z,
-                      float* STILLPOINT_RESTRICT least_step) {
+                      float* STILLPOINT_RESTRICT least_step2) {
     const float r00 = p.R(0, 0), r01 = p.R(0, 1), r02 = p.R(0, 2), r10 = p.R(1, 0), r11 = p.R(1, 1),
                 r12 = p.R(1, 2), r20 = p.R(2, 0), r21 = p.R(2, 1), r22 = p.R(2, 2), tx = p.t.x(),
                 ty = p.t.y(), tz = p.t.z();
@@ -220,7 +218,7 @@ class FreeSpaceMap {
       const float measured = d > 0 ? pz : kBeyond;
       z[i] = pz < nearest ? kBeyond : measured;
       const float zz = pz * pz;
-      least_step[i] = std::sqrt(floor2 + zz * (slope2 + zz * square2));
+      least_step2[i] = floor2 + zz * (slope2 + zz * square2);
     }
   }
 
@@ -229,10 +227,11 @@ class FreeSpaceMap {
   void compare(const DepthKeyView& view, const Eigen::Isometry3d& T_view_now,
                const Eigen::Vector2f& lateral_cells, float receding_s, const DepthCells& cells) {
     const float* free_to_m = free_space(view, lateral_cells).ptr<float>();
+    const float per_s = receding_s > 0 ? 1 / receding_s : 0;
     const float* surface_m = view.surface_m.ptr<float>();
     const uchar* alone = view.alone.ptr<uchar>();
     const std::size_t n = static_cast<std::size_t>(cells.width);
-    row_.cell.resize(n), row_.z.resize(n), row_.least_step.resize(n);
+    row_.cell.resize(n), row_.z.resize(n), row_.least_step2.resize(n);
     const auto square = [&](double sigma) {
       return static_cast<float>(sensor_.sigmas * sensor_.sigmas * sigma * sigma);
     };
@@ -252,17 +251,22 @@ class FreeSpaceMap {
     for (int y = 0; y < cells.height; ++y) {
       const std::size_t first = cells.index(0, y);
       project(p, &cells.ray_x[first], &cells.ray_y[first], &cells.depth_m[first], n,
-              row_.cell.data(), row_.z.data(), row_.least_step.data());
+              row_.cell.data(), row_.z.data(), row_.least_step2.data());
       signed char* score = score_.data() + first;
       for (std::size_t x = 0; x < n; ++x) {  // hard to foresee: no branch
         const float surface = surface_m[row_.cell[x]], free_to = free_to_m[row_.cell[x]];
-        const float z = row_.z[x], step = row_.least_step[x];
+        const float z = row_.z[x], step2 = row_.least_step2[x];
+        const float free_by = free_to - z - kFreeMarginM, behind_by = z - surface;
         const int sure = (surface > DepthKeyView::kHole) | (z > kSurelyMeasuredM);
-        const int free = (free_to > z + step + kFreeMarginM) & sure;
-        const int same = (score[x] <= 0) & (std::abs(surface - z) < step) & (1 - free);
+        const int free = (free_by > 0) & (free_by * free_by > step2) & sure;
+        const int same = (score[x] <= 0) & (behind_by * behind_by < step2) & (1 - free);
         score[x] = static_cast<signed char>(score[x] + 2 * free - same);
         alone_[first + x] |= static_cast<std::uint8_t>(same & alone[row_.cell[x]]);
-        if (receding_s > 0) receding_[first + x].add(surface, z, step, receding_s);
+        if (receding_s > 0) {
+          const bool behind =
+              (behind_by > 0) & (behind_by * behind_by > step2) & (surface > 0) & (z < kBeyond);
+          receding_[first + x].add(behind ? behind_by * per_s : kNever);
+        }
       }
     }
   }
