@@ -270,6 +270,23 @@ TEST(DepthMaskFuser, FillsWhatTheDepthLacksInsideAnObject) {
   EXPECT_EQ(pixels(undilated(fuser, frame, {instance_from_mask(person_mask())})(gap)), gap.area());
 }
 
+// In an image twice as wide cells are twice as large, and few samples fall into gaps of 6 x 6.
+TEST(DepthMaskFuser, HasLargerCellsInWiderImages) {
+  FlatScene scene = room();
+  scene.size = {1280, 960};
+  const Figure person{{560, 316, 152, 556}, 3.2f, 1};
+  RgbdFrame frame = scene.frame(0, {person});
+  cv::Mat gaps = cv::Mat::zeros(scene.size, CV_8UC1);
+  for (int y = person.box.y + 40; y < person.box.br().y - 40; y += 30)
+    for (int x = person.box.x + 30; x < person.box.br().x - 30; x += 30)
+      gaps(cv::Rect(x, y, 6, 6)).setTo(255);
+  frame.depth.setTo(5 * 4900, gaps);
+  DepthMaskFuser fuser(Settings(), scene.camera());
+  const cv::Mat mask = picture_of(std::vector<cv::Rect>{person.box}, scene.size);
+  const cv::Mat filled = undilated(fuser, frame, {instance_from_mask(mask)}) & gaps;
+  EXPECT_GT(pixels(filled), 0.5 * pixels(gaps));
+}
+
 TEST(DepthMaskFuser, JoinsACarriedObject) {
   // A box held before the body and at its side; the mask knows the person only.
   const Figure carried{{172, 120, 24, 26}, 3.15f, 2};

@@ -18,7 +18,8 @@ struct DepthMaskFuserSettings {
     kConnected  ///< range of the instance's own mask, connected growth, floor known
   };
   Method method = Method::kConnected;
-  /// Side of a sampling cell; one depth sample is drawn in each.
+  /// Side of a sampling cell in an image 640 wide, more in a wider one; one depth sample is drawn
+  /// in each.
   int cell_px = 5;
   /// Alpha of the paper: half of the "human value range". For kConnected: how far depth may reach
   /// beyond the range seen on the mask.

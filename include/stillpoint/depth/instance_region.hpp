@@ -9,6 +9,7 @@
 
 #include "stillpoint/core/cell_labels.hpp"
 #include "stillpoint/core/depth_view.hpp"
+#include "stillpoint/core/image_scale.hpp"
 #include "stillpoint/core/instance.hpp"
 #include "stillpoint/core/mask_pool.hpp"
 #include "stillpoint/depth/depth_mask_fuser_settings.hpp"
@@ -35,6 +36,9 @@ class InstanceRegion {
   /// camera's motion carries along if it is known. O(samples).
   void begin_frame(const DepthView& depth, const std::vector<Instance>& instances,
                    const std::optional<Eigen::Isometry3d>& T_current_last) {
+    const int cell_px =
+        std::clamp(scaled_px(settings_.cell_px, depth.size()), settings_.cell_px, kMostCellPx);
+    if (cell_px != samples_.cell_px()) samples_ = StratifiedSamples(cell_px, settings_.seed);
     if (settings_.method == DepthMaskFuserSettings::Method::kPaper) return;
     if (T_current_last) floor_ = floor_.moved(*T_current_last);
     if (instances.empty()) return;
@@ -97,7 +101,7 @@ class InstanceRegion {
   // The default: what is connected in depth with the samples on the mask.
   void write_region(const DepthView& depth, const Instance& instance,
                     const CellLabels* known_static, detail::MaskPool& masks, Instance& out) {
-    const int cell = settings_.cell_px;
+    const int cell = samples_.cell_px();
     const bool bare = instance.mask.empty();
     const float cells_per_m = depth.focal_px() / range_.middle_m / static_cast<float>(cell);
     const int reach = std::max(1, static_cast<int>(settings_.growth_m * cells_per_m + 0.5f));
@@ -118,6 +122,7 @@ class InstanceRegion {
     pixels_.find(cells_, cell, instance, out.box, out.mask);
   }
 
+  static constexpr int kMostCellPx = 255;           // in huge images
   static constexpr float kPredictedSlackM = 0.06f;  // how far off a predicted mask may be
 
   DepthMaskFuserSettings settings_;
