@@ -22,6 +22,7 @@ void bind_components(py::module_& m);
 void bind_slam(py::module_& m);
 void bind_dense_map(py::module_& m);
 void bind_io(py::module_& m);
+void bind_run_sequence(py::module_& m);
 void bind_evaluation(py::module_& m);
 void bind_synthetic(py::module_& m);
 

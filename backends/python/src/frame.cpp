@@ -69,6 +69,58 @@ RgbdFrame frame_of(const py::object& frame, const char* where) {
   return frame.cast<RgbdFrame>();
 }
 
+namespace {
+
+void bind_depth_check(py::module_& m) {
+  py::class_<DepthScaleCheck>(
+      m, "DepthScaleCheck",
+      "Notices a wrong depth factor by the first second of a recording: by distances, the heights\n"
+      "of people and above the floor, the sensor's steps, and a metric path. A factor wrong by "
+      "two\n"
+      "is noticed only by the steps of a Kinect v1 or by a metric path.\n\n"
+      "camera: Camera, for the heights; None: without them.")
+      .def(py::init([](const py::object& camera) {
+             return DepthScaleCheck(
+                 camera.is_none() ? Camera() : camera_of(camera, "DepthScaleCheck: camera"));
+           }),
+           py::arg("camera") = py::none())
+      .def(
+          "add",
+          [](DepthScaleCheck& check, const py::object& frame, const py::object& instances) {
+            const RgbdFrame given = frame_of(frame, "frame");
+            std::vector<Instance> people;
+            if (!instances.is_none()) people = instances_of_list(instances, "instances");
+            check.add(given, people);
+          },
+          py::arg("frame"), py::arg("instances") = py::none(),
+          "Looks at an RgbdFrame, and at the list of Instance in it. Frames after the first "
+          "second,\n"
+          "and those less than 0.1 s after the last one, are passed over.")
+      .def(
+          "add_motion",
+          [](DepthScaleCheck& check, const py::object& tracked_m, const py::object& metric_m) {
+            check.add_motion(number_of(tracked_m, "tracked_m"), number_of(metric_m, "metric_m"));
+          },
+          py::arg("tracked_m"), py::arg("metric_m"),
+          "Tells how far the camera moved between two frames, metres: as tracked with this depth,\n"
+          "and by a metric source, such as odometry. Five of over 0.1 m that agree decide.")
+      .def(
+          "is_over",
+          [](const DepthScaleCheck& check, const py::object& timestamp) {
+            return check.is_over(timestamp_of(timestamp, "timestamp"));
+          },
+          py::arg("timestamp"), "Whether the first second is over.")
+      .def("problem", &DepthScaleCheck::problem,
+           "What is wrong, with the factor that would fit; None: nothing, as far as can be told.");
+  m.def(
+      "check_depth_scale",
+      [](const py::object& frame) { return check_depth_scale(frame_of(frame, "frame")); },
+      py::arg("frame"),
+      "Says when a frame's depth makes no sense (a wrong depth_units_per_m), else None.");
+}
+
+}  // namespace
+
 void bind_frame(py::module_& m) {
   py::class_<RgbdFrame>(
       m, "RgbdFrame",
@@ -107,11 +159,7 @@ void bind_frame(py::module_& m) {
           },
           "Depth in metres, (H, W) float32; 0: no measurement.")
       .def("__repr__", &repr_of);
-  m.def(
-      "check_depth_scale",
-      [](const py::object& frame) { return check_depth_scale(frame_of(frame, "frame")); },
-      py::arg("frame"),
-      "Says when a frame's depth makes no sense (a wrong depth_units_per_m), else None.");
+  bind_depth_check(m);
 }
 
 }  // namespace stillpoint::python

@@ -23,7 +23,7 @@ PYBIND11_MODULE(_stillpoint, m) {
   options.disable_enum_members_docstring();
   for (const auto bind :
        {bind_settings, bind_camera, bind_frame, bind_instance, bind_trajectory, bind_segmenter,
-        bind_segmenters, bind_selection, bind_objects, bind_front_end, bind_components, bind_slam, bind_dense_map,
-        bind_io, bind_evaluation, bind_synthetic})
+        bind_segmenters, bind_selection, bind_objects, bind_front_end, bind_components, bind_slam,
+        bind_dense_map, bind_io, bind_run_sequence, bind_evaluation, bind_synthetic})
     bind(m);
 }

@@ -4,48 +4,22 @@
 #ifdef STILLPOINT_WITH_RGBD_SLAM
 
 #include <chrono>
-#include <future>
 
 #include "arrays.hpp"
 #include "calls.hpp"
 #include "frames.hpp"
 #include "front_end.hpp"
 #include "selections.hpp"
-#include "stillpoint/backends/rgbd_slam/slam_system.hpp"
+#include "slam.hpp"
 
 namespace stillpoint::python {
 namespace {
 
 using Pose = std::optional<Eigen::Isometry3d>;
 
-struct PySlam {
-  PySlam(const Camera& camera, const rgbd_slam::SlamSystem::Settings& settings)
-      : slam(camera, settings) {}
-  ~PySlam() {
-    const py::gil_scoped_release release;
-    if (finishing.valid()) finishing.wait();
-  }
-  OneAtATime gate{"SlamSystem"};
-  rgbd_slam::SlamSystem slam;
-  std::future<void> finishing;  // what a Ctrl-C left behind
-};
-
-/// One call at a time, after what an interrupted finish() still does.
-class Use {
- public:
-  explicit Use(PySlam& s) : use_(s.gate) {
-    if (!s.finishing.valid()) return;
-    const py::gil_scoped_release release;
-    s.finishing.get();
-  }
-
- private:
-  OneAtATime::Use use_;
-};
-
 /// Ends the work in another thread, so that Ctrl-C need not wait for it.
 void finish(PySlam& s) {
-  const Use use(s);
+  const PySlam::Use use(s);
   s.finishing = std::async(std::launch::async, [&slam = s.slam] { slam.finish(); });
   const auto done = [&] {
     return s.finishing.wait_for(std::chrono::milliseconds(20)) == std::future_status::ready;
@@ -88,7 +62,7 @@ Selection all_of(std::size_t count) {
 
 py::object process(PySlam& s, const py::object& frame, const py::object& front_end,
                    const py::object& segmentation) {
-  const Use use(s);
+  const PySlam::Use use(s);
   const RgbdFrame given = frame_of(frame, "frame");
   if (front_end.is_none()) {
     return to_python(without_gil([&] {
@@ -119,7 +93,7 @@ py::object process(PySlam& s, const py::object& frame, const py::object& front_e
 }
 
 py::array extract(PySlam& s, const py::object& frame, const py::object& mask) {
-  const Use use(s);
+  const PySlam::Use use(s);
   const RgbdFrame given = frame_of(frame, "frame");
   const DynamicMask dynamic{mask_or_none(mask, "mask"), 0, 0};
   const auto& keypoints = *without_gil([&] { return &s.slam.extract(given, dynamic); });
@@ -129,14 +103,14 @@ py::array extract(PySlam& s, const py::object& frame, const py::object& mask) {
 }
 
 py::object track(PySlam& s, const py::object& frame, const py::object& selection) {
-  const Use use(s);
+  const PySlam::Use use(s);
   const RgbdFrame given = frame_of(frame, "frame");
   const Selection& chosen = selection_of(selection, "selection");
   return to_python(without_gil([&] { return s.slam.track(given, DynamicMask(), chosen); }));
 }
 
 py::array map_points(PySlam& s) {
-  const Use use(s);
+  const PySlam::Use use(s);
   std::vector<double> xyz;
   for (const Eigen::Vector3d& p : s.slam.map_point_positions())
     xyz.insert(xyz.end(), {p.x(), p.y(), p.z()});
@@ -146,7 +120,7 @@ py::array map_points(PySlam& s) {
 template <class Read>
 auto reader(Read read) {
   return [read](PySlam& s) {
-    const Use use(s);
+    const PySlam::Use use(s);
     return read(s.slam);
   };
 }
@@ -166,7 +140,7 @@ void bind_steps(py::class_<PySlam>& cls) {
       .def(
           "predicted_motion",
           [](PySlam& s) {
-            const Use use(s);
+            const PySlam::Use use(s);
             return to_python(s.slam.predicted_motion());
           },
           "T_next_last, 4 x 4: for FrontEnd.compute_mask(T_current_last=...); None: not known.")
@@ -197,7 +171,7 @@ void bind_slam(py::module_& m) {
                              "Number of keyframes in the map.")
       .def_property_readonly("loops_closed", reader([](auto& s) { return s.loops_closed(); }))
       .def("__repr__", [](PySlam& s) {
-        const Use use(s);
+        const PySlam::Use use(s);
         return "<SlamSystem: " + std::to_string(s.slam.keyframes()) + " keyframes, " +
                std::to_string(s.slam.map_points()) + " points>";
       });

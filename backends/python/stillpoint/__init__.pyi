@@ -19,6 +19,7 @@ from stillpoint._types.settings import (
 from stillpoint._types.settings import SensorModel as SensorModel
 from stillpoint._types.settings import SyntheticSettings as SyntheticSettings
 from stillpoint._types.frames import Camera as Camera
+from stillpoint._types.frames import DepthScaleCheck as DepthScaleCheck
 from stillpoint._types.frames import Error as Error
 from stillpoint._types.frames import Instance as Instance
 from stillpoint._types.frames import RgbdFrame as RgbdFrame
@@ -52,11 +53,14 @@ from stillpoint._types.systems import OpenCvDnnSegmenter as OpenCvDnnSegmenter
 from stillpoint._types.systems import SlamSystem as SlamSystem
 from stillpoint._types.systems import SyntheticFrame as SyntheticFrame
 from stillpoint._types.systems import SyntheticSequence as SyntheticSequence
+from stillpoint._types.systems import TrackedFrame as TrackedFrame
+from stillpoint._types.systems import Tracker as Tracker
 from stillpoint._types.systems import TumSequence as TumSequence
 from stillpoint._types.systems import read_color as read_color
 from stillpoint._types.systems import read_depth as read_depth
 from stillpoint._types.systems import read_labels as read_labels
 from stillpoint._types.systems import read_mask as read_mask
+from stillpoint._types.systems import run_sequence as run_sequence
 from stillpoint._types.systems import write_mask as write_mask
 from stillpoint._types.evaluation import AteResult as AteResult
 from stillpoint._types.evaluation import BinaryCounts as BinaryCounts
