@@ -30,14 +30,9 @@ void mask(MaskSettings& settings) {
 }
 
 void add_options(CLI::App* command, MaskSettings& s) {
-  command
-      ->add_option("INPUT", s.run.sequence,
-                   "Folder of images (PNG, JPEG), or in TUM layout: rgb.txt, depth.txt, images")
-      ->required()
-      ->type_name("DIR");
-  command->add_option("--out", s.out, "Folder for the masks; made if it is not there")
-      ->required()
-      ->type_name("DIR");
+  add_input_option(command, "INPUT", s.run.sequence,
+                   "Folder of images (PNG, JPEG), or in TUM layout: rgb.txt, depth.txt, images");
+  add_out_option(command, s.out, "masks");
   choices(command->add_option("--format", s.format,
                               "Whose names and codes the masks have, see below  [stillpoint]"),
           mask_formats());
@@ -49,10 +44,7 @@ void add_options(CLI::App* command, MaskSettings& s) {
       ->add_option("--masked-depth", s.masked_depth,
                    "Write the depth, too, with 0 where the mask is dynamic")
       ->type_name("DIR");
-  command
-      ->add_option("--objects", s.objects,
-                   "Write the objects of each frame as CSV: id, class, box, place, velocity")
-      ->type_name("FILE");
+  add_objects_option(command, "--objects", s.objects);
   between(command->add_option("--fps", s.fps, "Images per second of a folder of images  [30]"),
           0.01, 10000.0);
   add_system_options(command, s.run);

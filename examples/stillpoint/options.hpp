@@ -5,6 +5,7 @@
 #include <CLI/Config.hpp>
 #include <CLI/Formatter.hpp>
 #include <cstdio>
+#include <filesystem>
 #include <map>
 #include <string>
 #include <vector>
@@ -42,6 +43,24 @@ CLI::Option* between(CLI::Option* option, Number least, Number most, const char*
   CLI::Range range(least, most);
   range.description("");
   return option->check(range)->type_name(unit);
+}
+
+/// The options that `run` and `mask` share: what is read, where results go, and the objects' file.
+inline void add_input_option(CLI::App* command, const char* name, std::filesystem::path& folder,
+                             const char* text) {
+  command->add_option(name, folder, text)->required()->type_name("DIR");
+}
+inline void add_out_option(CLI::App* command, std::filesystem::path& folder,
+                           const std::string& what) {
+  command->add_option("--out", folder, "Folder for the " + what + "; made if it is not there")
+      ->required()
+      ->type_name("DIR");
+}
+inline void add_objects_option(CLI::App* command, const char* name, std::filesystem::path& file) {
+  command
+      ->add_option(name, file,
+                   "Write the objects of each frame as CSV: id, class, box, place, velocity")
+      ->type_name("FILE");
 }
 
 /// The option of `run`, `bench` and `evaluate`.

@@ -68,19 +68,9 @@ void put_in_place(const fs::path& result) {
   fs::remove_all(made);
 }
 
-void run(RunCommand command) {
-  RunSettings& settings = command.settings;
-  const bool segmenter_was_open = settings.segmenter.empty();
-  load_settings(settings);
-  // Bad input is said before anything is written.
-  const TumSequence sequence = open_sequence(settings.sequence, settings.camera);
-  if (sequence.has_groundtruth()) sequence.groundtruth();
-  choose_segmenter(settings);
-  make_segmenter(settings, sequence);
-  std::printf("%s\n", settings_line(settings, segmenter_was_open).c_str());
-  std::fflush(stdout);
-
-  make_folder(command.out);
+/// Refuses what would spoil its own input, or cannot be done.
+void check(const RunCommand& command) {
+  const RunSettings& settings = command.settings;
   if (fs::equivalent(command.out, settings.sequence))
     throw Error(
         "--out: " + command.out.string() +
@@ -92,12 +82,12 @@ void run(RunCommand command) {
   if (command.worst > 0 && !fs::is_directory(settings.sequence / "masks_gt"))
     throw Error("--save-worst: needs " + (settings.sequence / "masks_gt").string() +
                 " to tell what is wrong");
-
   if (!command.objects.empty() && !settings.front_end)
     throw Error("--save-objects: the front end follows objects; leave --front-end off out");
+}
 
-  // Results are made beside those of an earlier run, and take their place when all are there.
-  for (const char* name : kResults) fs::remove_all(partial(command.out / name));
+/// Results are made beside those of an earlier run, and take their place when all are there.
+RunOutputs outputs_of(const RunCommand& command) {
   RunOutputs outputs;
   outputs.keep_unfinished = true;
   outputs.trajectory = partial(command.out / "trajectory.txt");
@@ -111,12 +101,20 @@ void run(RunCommand command) {
   outputs.overlay_every = command.overlay_every;
   outputs.worst = command.worst;
   outputs.worst_dir = partial(command.out / "worst");
+  return outputs;
+}
 
-  nlohmann::ordered_json stats;
+void remove_partial(const fs::path& out) {
+  for (const char* name : kResults) fs::remove_all(partial(out / name));
+}
+
+/// Runs, and leaves all results as .partial. After a failure only the trajectory stays, if any.
+nlohmann::ordered_json make_results(const RunCommand& command) {
+  const RunOutputs outputs = outputs_of(command);
+  std::unique_ptr<Progress> progress;
   try {
-    std::unique_ptr<Progress> progress;
-    stats = run_job(
-        settings, outputs,
+    const auto stats = run_job(
+        command.settings, outputs,
         [&](std::size_t done, std::size_t total) {
           if (!progress) progress = std::make_unique<Progress>("run", total);
           progress->update(done);
@@ -127,62 +125,72 @@ void run(RunCommand command) {
         });
     write_json(partial(command.out / "stats.json"), stats);
     // Without the run's seed: the file and the same options give the same run again.
-    RunSettings unseeded = settings;
+    RunSettings unseeded = command.settings;
     unseeded.seed = 0;
     write_settings(partial(command.out / "settings.yaml"), front_end_settings(unseeded));
+    return stats;
   } catch (const std::exception& e) {
     if (fs::exists(outputs.trajectory))
       throw Error(std::string(e.what()) + "; what was tracked before it is in " +
                   outputs.trajectory.string());
-    for (const char* name : kResults) fs::remove_all(partial(command.out / name));
+    remove_partial(command.out);
     throw;
   }
+}
+
+/// What an earlier run left must not be taken for this one's.
+void replace_results(const RunCommand& command, const TumSequence& sequence) {
   if (command.overlay_every > 0)
     for (const SequenceEntry& entry : sequence.entries())
       fs::remove(command.out / "overlays" / (entry.stem + ".png"));
   if (command.worst > 0) fs::remove_all(command.out / "worst");
-  // What an earlier run left must not be taken for this one's.
   for (const char* name : {"keypoints.csv", "groundtruth.txt"}) fs::remove(command.out / name);
   for (const char* name : kResults) put_in_place(command.out / name);
+}
+
+void print_summary(const RunCommand& command, const nlohmann::ordered_json& stats) {
+  const RunSettings& settings = command.settings;
   std::printf("%s", summary_text(stats).c_str());
+  const fs::path truth = settings.groundtruth_of == "camera" ? settings.sequence : command.out;
+  const fs::path file = command.out / "trajectory.txt";
   if (stats.contains("evaluation"))
-    std::printf(
-        "evo         %s\n",
-        evo_command((settings.groundtruth_of == "camera" ? settings.sequence : command.out) /
-                        "groundtruth.txt",
-                    command.out / "trajectory.txt")
-            .c_str());
+    std::printf("evo         %s\n", evo_command(truth / "groundtruth.txt", file).c_str());
   std::printf(
       "written     %s: trajectory.txt, trajectory_online.txt, stats.json, settings.yaml, "
       "map.ply%s%s%s%s\n",
       command.out.string().c_str(), command.save_masks ? ", masks/" : "",
       command.save_keypoints ? ", keypoints.csv" : "",
       command.overlay_every > 0 ? ", overlays/" : "", command.worst > 0 ? ", worst/" : "");
+}
+
+void run(RunCommand command) {
+  RunSettings& settings = command.settings;
+  const bool segmenter_was_open = settings.segmenter.empty();
+  load_settings(settings);
+  // Bad input is said before anything is written.
+  const TumSequence sequence = open_sequence(settings.sequence, settings.camera);
+  if (sequence.has_groundtruth()) sequence.groundtruth();
+  choose_segmenter(settings);
+  make_segmenter(settings, sequence);
+  std::printf("%s\n", settings_line(settings, segmenter_was_open).c_str());
+  std::fflush(stdout);
+  make_folder(command.out);
+  check(command);
+  remove_partial(command.out);
+  const auto stats = make_results(command);
+  replace_results(command, sequence);
+  print_summary(command, stats);
   if (stats["tracked"] == 0)
     throw Error("no frame was tracked; are camera, depth factor and mask right? " +
                 (command.out / "stats.json").string() + " tells what is known");
 }
 
-}  // namespace
-
-void add_run_command(CLI::App& app) {
-  auto* command = app.add_subcommand("run", "Run the whole system over a sequence");
-  auto options = std::make_shared<RunCommand>();
-  RunSettings& s = options->settings;
-  s.tracker = default_tracker();
-  command->add_option("SEQUENCE", s.sequence, "Folder in TUM layout: rgb.txt, depth.txt, images")
-      ->required()
-      ->type_name("DIR");
-  command->add_option("--out", options->out, "Folder for the results; made if it is not there")
-      ->required()
-      ->type_name("DIR");
-  add_system_options(command, s);
-  add_preset_option(command, s);
+/// Options for the tracker and the pace of the run.
+void add_run_options(CLI::App* command, RunSettings& s) {
   choices(command->add_option_function<std::string>(
               "--front-end", [&s](const std::string& value) { s.front_end = value == "on"; },
               "off: the tracker alone, for comparison  [on]"),
           {"on", "off"});
-  add_front_end_options(command, s);
   choices(command->add_option("--without", s.without, "Leave a stage out; may be given again"),
           {"compensation", "depth", "probability", "motion", "prediction", "loop_closing"})
       ->allow_extra_args(false);
@@ -207,37 +215,40 @@ void add_run_command(CLI::App& app) {
   between(command->add_option("--latency", s.latency_ms,
                               "As if the segmenter took so long per frame; the same in every run"),
           0.0, 10000.0, "MS");
-  command->add_flag("--save-masks", options->save_masks,
+}
+
+std::string overlay_problem(const std::string& value) {
+  return !value.empty() && value.find_first_not_of("0123456789") == std::string::npos &&
+                 value.size() < 10 && std::stoul(value) > 0
+             ? std::string()
+             : "expected a number of frames of at least 1, found \"" + value +
+                   "\"; write --save-overlays=1";
+}
+
+/// Options for what is written beside the usual results.
+void add_save_options(CLI::App* command, RunCommand& c) {
+  command->add_flag("--save-masks", c.save_masks,
                     "Write DIR/masks/STEM.png: the final mask, 255 = dynamic");
-  command->add_flag("--save-keypoints", options->save_keypoints,
+  command->add_flag("--save-keypoints", c.save_keypoints,
                     "Write DIR/keypoints.csv: timestamp,x,y,probability,kept");
-  command
-      ->add_option("--save-objects", options->objects,
-                   "Write the objects of each frame as CSV: id, class, box, place, velocity")
-      ->type_name("FILE");
+  add_objects_option(command, "--save-objects", c.objects);
   command
       ->add_option_function<std::string>(
           "--save-overlays",
-          [command_options = options.get()](const std::string& value) {
-            command_options->overlay_every =
+          [&c](const std::string& value) {
+            c.overlay_every =
                 value.empty() || value == "true" ? 1 : static_cast<std::size_t>(std::stoul(value));
           },
           "Write DIR/overlays/STEM.png of every EVERY-th frame  [1]")
       ->expected(0, 1)
-      ->check(CLI::Validator(
-          [](std::string& value) {
-            return !value.empty() && value.find_first_not_of("0123456789") == std::string::npos &&
-                           value.size() < 10 && std::stoul(value) > 0
-                       ? std::string()
-                       : "expected a number of frames of at least 1, found \"" + value +
-                             "\"; write --save-overlays=1";
-          },
-          ""))
+      ->check(CLI::Validator([](std::string& value) { return overlay_problem(value); }, ""))
       ->type_name("[EVERY]");
-  between(command->add_option("--save-worst", options->worst,
+  between(command->add_option("--save-worst", c.worst,
                               "Write DIR/worst/: the N frames with the worst masks, by masks_gt"),
           1, 1000);
-  command->footer(R"(
+}
+
+const char* const kFooter = R"(
 Examples:
   stillpoint run walk --out out
   stillpoint run rgbd_dataset_freiburg3_walking_xyz --camera fr3 --masks my_masks --out out
@@ -248,13 +259,13 @@ Examples:
   stillpoint run walk --out out --real-time-rate            as on a robot: late frames are dropped
   stillpoint run walk --out out --set dilation_px=5         another value for a setting
   stillpoint run walk --out again --settings out/settings.yaml   as that run was set
-  stillpoint run walk --out out --save-overlays 10          pictures of every tenth frame
+  stillpoint run walk --out out --save-overlays 10          images of every tenth frame
 
 Presets: default is ours, with the motion check, which finds what moves although no segmenter names
 it, also with --segmenter none; network_only is without it; paper the literal method of the paper.
 
-Masks: 8-bit PNGs named like the color files (rgb/12.5.jpg: 12.5.png), 0 = background, k = object k; a
-picture with only 0 and 255 is split into connected parts. An empty picture says that nobody is there;
+Masks: 8-bit PNGs named like the color files (rgb/12.5.jpg: 12.5.png), 0 = background, k = object k; an
+image with only 0 and 255 is split into connected parts. A black image says that nobody is there;
 a missing file that there is no result for this frame, and its masks are predicted.
 
 Results in DIR: trajectory.txt (TUM format: timestamp tx ty tz qx qy qz qw, seconds and metres, one
@@ -266,8 +277,25 @@ place of an earlier run's when the run is done; one that breaks off leaves what 
 trajectory.txt.partial. Overlays: kept keypoints green, removed ones red, the mask's edge yellow. With
 groundtruth.txt in SEQUENCE the error is computed, with masks_gt/ masks and keypoints are judged, with
 both the map's ghosts of people.
---real-time-rate: the clock stands still while pictures are read and results judged (not with
---async); the tracker slam maps in threads of its own, so runs differ a little.)");
+--real-time-rate: the clock stands still while images are read and results judged (not with
+--async); the tracker slam maps in threads of its own, so runs differ a little.)";
+
+}  // namespace
+
+void add_run_command(CLI::App& app) {
+  auto* command = app.add_subcommand("run", "Run the whole system over a sequence");
+  auto options = std::make_shared<RunCommand>();
+  RunSettings& s = options->settings;
+  s.tracker = default_tracker();
+  add_input_option(command, "SEQUENCE", s.sequence,
+                   "Folder in TUM layout: rgb.txt, depth.txt, images");
+  add_out_option(command, options->out, "results");
+  add_system_options(command, s);
+  add_preset_option(command, s);
+  add_front_end_options(command, s);
+  add_run_options(command, s);
+  add_save_options(command, *options);
+  command->footer(kFooter);
   command->callback([options] { run(*options); });
 }
 
