@@ -7,7 +7,7 @@
 
 #include <iostream>
 #include <stillpoint/backends/mask_files.hpp>
-#include <stillpoint/backends/rgbd_slam/odometry.hpp>
+#include <stillpoint/backends/rgbd_slam/slam_system.hpp>
 #include <stillpoint/evaluation/coverage.hpp>
 #include <stillpoint/evaluation/trajectory_error.hpp>
 #include <stillpoint/front_end.hpp>
@@ -24,7 +24,7 @@ int main(int argc, char** argv) try {
   stillpoint::MaskFilesSegmenter segmenter(sequence.folder() / "masks",
                                            stillpoint::frame_names(sequence));
   stillpoint::FrontEnd front_end(stillpoint::FrontEndSettings(), camera, &segmenter);
-  stillpoint::rgbd_slam::RgbdOdometry tracker(camera);
+  stillpoint::rgbd_slam::SlamSystem tracker(camera);
 
   stillpoint::SequenceRun run;
   run.trajectory = argv[2];

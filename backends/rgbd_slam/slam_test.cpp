@@ -418,6 +418,26 @@ TEST(SlamSystem, FollowsACamera) {
   EXPECT_LE(slam.keyframe_trajectory().size(), 40u);
 }
 
+// It has no bundle adjustment, but points of more than one keyframe.
+TEST(SlamSystem, AsOdometryNeverLooksBack) {
+  SlamSystem::Settings settings = SlamSystem::Settings::odometry();
+  settings.features = small_settings().features;
+  SlamSystem slam(test_scene::camera(), settings);
+  Trajectory tracked;
+  for (int step = 0; step < 40; ++step) {
+    const auto pose = feed(slam, test_scene::render(test_scene::path(3 * step), step * 0.1));
+    ASSERT_TRUE(pose) << step;
+    tracked.push_back({step * 0.1, *pose});
+  }
+  slam.finish();
+  EXPECT_LT(worst_error(tracked, sway), 0.02);
+  EXPECT_GE(slam.keyframes(), 3u);
+  const Trajectory finished = slam.trajectory();
+  ASSERT_EQ(finished.size(), tracked.size());
+  for (std::size_t i = 0; i < tracked.size(); ++i)
+    EXPECT_TRUE(finished[i].T_world_camera.isApprox(tracked[i].T_world_camera, 1e-12)) << i;
+}
+
 // What was seen later makes earlier poses better, too.
 TEST(SlamSystem, IsMoreExactOnceItIsFinished) {
   SlamSystem slam(test_scene::camera(), small_settings());

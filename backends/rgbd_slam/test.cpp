@@ -4,7 +4,9 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
-#include "stillpoint/backends/rgbd_slam/odometry.hpp"
+#include "stillpoint/backends/rgbd_slam/features.hpp"
+#include "stillpoint/backends/rgbd_slam/patch.hpp"
+#include "stillpoint/backends/rgbd_slam/pnp.hpp"
 #include "test_scene.hpp"
 
 namespace {
@@ -155,36 +157,6 @@ TEST(PoseOptimizer, DropsADepthThatDisagreesButKeepsThePixel) {
   EXPECT_FALSE(observations[1].depth_inlier);
 }
 
-TEST(PoseOptimizer, SaysHowBadlyAPoseFits) {
-  const Camera camera = test_scene::camera();
-  const Eigen::Isometry3d truth = some_pose();
-  NoiseModel noise;
-  noise.sensor.depth_floor_m = noise.sensor.depth_slope = 0;  // the same variance everywhere
-  auto observations = observations_of(camera, truth, 60);
-  EXPECT_NEAR(pose_misfit(camera, noise, observations, truth), 0, 1e-6);
-  observations[0].pixel.x() += 2;  // two standard deviations, without a depth
-  EXPECT_NEAR(pose_misfit(camera, noise, observations, truth), 4, 1e-6);
-  observations[1].pixel.x() += 1000;
-  EXPECT_NEAR(pose_misfit(camera, noise, observations, truth), 4 + kPixelChi2, 1e-6) << "no more";
-  observations[2].inverse_depth += noise.sigma_inverse_depth(observations[2].inverse_depth);
-  EXPECT_NEAR(pose_misfit(camera, noise, observations, truth), 5 + kPixelChi2, 1e-6);
-  const Eigen::Isometry3d behind = Eigen::Translation3d(0, 0, -100) * truth;
-  EXPECT_NEAR(pose_misfit(camera, noise, observations, behind), 60 * kPixelChi2, 1e-6);
-}
-
-// A third moves as one, a little: all agree on a pose between, but not well.
-TEST(PoseOptimizer, FitsTheStaticWorldBetterThanACompromise) {
-  const Camera camera = test_scene::camera();
-  const Eigen::Isometry3d truth = some_pose();
-  auto observations = observations_of(camera, truth, 90);
-  for (PoseObservation& o : observations) o.inverse_depth = 0;
-  for (std::size_t i = 0; i < 30; ++i) observations[i].pixel.x() += 3.2;
-  Eigen::Isometry3d between = Eigen::AngleAxisd(1.1 / camera.fx, Eigen::Vector3d::UnitY()) * truth;
-  EXPECT_GE(optimize_pose(camera, NoiseModel(), observations, between), 85);
-  EXPECT_GT(pose_misfit(camera, NoiseModel(), observations, between),
-            1.1 * pose_misfit(camera, NoiseModel(), observations, truth));
-}
-
 TEST(PnpRansac, FindsThePoseWithoutAGuess) {
   const Camera camera = test_scene::camera();
   const Eigen::Isometry3d truth = some_pose();
@@ -252,126 +224,6 @@ TEST(Patch, RefusesOtherSurfacesAndRims) {
   EXPECT_FALSE(align_patch(pyramid, camera, Patch(), T, point, pixel, 0).has_value());
   EXPECT_TRUE(cut_patch(pyramid, camera, {3, 120}, 0, T.linear(), 2).empty());
   EXPECT_TRUE(cut_patch(pyramid, camera, pixel, 7, T.linear(), 2).empty());
-}
-
-RgbdOdometry::Settings small_settings() {
-  RgbdOdometry::Settings settings;
-  settings.features.features = 500;
-  return settings;
-}
-
-std::optional<Eigen::Isometry3d> feed(Tracker& tracker, const RgbdFrame& frame,
-                                      const DynamicMask& mask = {}) {
-  const std::size_t n = tracker.extract(frame, mask).size();
-  return tracker.track(frame, mask, test_scene::keep_all(n));
-}
-
-TEST(RgbdOdometry, FollowsACamera) {
-  RgbdOdometry tracker(test_scene::camera(), small_settings());
-  const Eigen::Isometry3d origin = test_scene::path(0).inverse();
-  for (int step = 0; step < 40; ++step) {
-    const Eigen::Isometry3d truth = origin * test_scene::path(3 * step);
-    const auto T = feed(tracker, test_scene::render(test_scene::path(3 * step), step * 0.1));
-    ASSERT_TRUE(T.has_value()) << step;
-    EXPECT_LT((T->translation() - truth.translation()).norm(), 0.02) << step;
-    EXPECT_LT(Eigen::AngleAxisd(T->linear().transpose() * truth.linear()).angle(), 0.01) << step;
-  }
-  EXPECT_EQ(tracker.trajectory().size(), 40u);
-  ASSERT_TRUE(tracker.predicted_motion().has_value());
-}
-
-// No mask covers the mover yet.
-TEST(RgbdOdometry, IsNotTakenAlongByWhatMovesBeforeTheFirstMask) {
-  RgbdOdometry tracker(test_scene::camera(), small_settings());
-  double worst = 0;
-  for (int step = 0; step < 5; ++step) {
-    const auto T = feed(tracker, test_scene::render_with_mover(step));
-    ASSERT_TRUE(T.has_value()) << step;
-    const Eigen::Isometry3d truth = test_scene::path(0).inverse() * test_scene::path(2 * step);
-    worst = std::max(worst, (T->translation() - truth.translation()).norm());
-  }
-  EXPECT_LT(worst, 0.02);
-}
-
-TEST(RgbdOdometry, SaysThatItIsLostAndRecoversInTheSameFrameOfReference) {
-  RgbdOdometry tracker(test_scene::camera(), small_settings());
-  for (int step = 0; step < 10; ++step)
-    ASSERT_TRUE(feed(tracker, test_scene::render(test_scene::path(3 * step), step * 0.1)));
-  RgbdFrame black = test_scene::render(test_scene::path(0), 1.0);
-  black.color.setTo(0);
-  EXPECT_FALSE(feed(tracker, black).has_value());
-  EXPECT_FALSE(tracker.predicted_motion().has_value());
-  const Eigen::Isometry3d truth = test_scene::path(0).inverse() * test_scene::path(6);
-  const auto T = feed(tracker, test_scene::render(test_scene::path(6), 1.1));
-  ASSERT_TRUE(T.has_value());
-  EXPECT_TRUE(tracker.stats().recovered);
-  EXPECT_LT((T->translation() - truth.translation()).norm(), 0.02);
-  EXPECT_EQ(tracker.trajectory().size(), 11u);
-}
-
-// A camera that stands still: only time makes keyframes.
-TEST(RgbdOdometry, MakesKeyframesAfterTheSameTimeAtAnyRate) {
-  for (const double rate_hz : {10.0, 30.0, 60.0, 90.0}) {
-    RgbdOdometry tracker(test_scene::camera(), small_settings());
-    RgbdFrame frame = test_scene::render(test_scene::path(0), 0);
-    std::vector<double> keyframes;
-    for (int step = 0; step <= 2 * rate_hz; ++step) {
-      frame.timestamp = step / rate_hz;
-      ASSERT_TRUE(feed(tracker, frame));
-      if (tracker.stats().keyframe) keyframes.push_back(frame.timestamp);
-    }
-    // At 10 Hz two thirds of a second are over at 0.7 s.
-    ASSERT_EQ(keyframes.size(), rate_hz < 30 ? 3u : 4u) << rate_hz;
-    EXPECT_NEAR(keyframes[1], 0.68, 0.03) << rate_hz;
-  }
-}
-
-TEST(RgbdOdometry, TracksWithoutDepthOnceStarted) {
-  RgbdOdometry tracker(test_scene::camera(), small_settings());
-  RgbdFrame blind = test_scene::render(test_scene::path(0), 0);
-  blind.depth.setTo(0);
-  EXPECT_FALSE(feed(tracker, blind).has_value());
-  EXPECT_TRUE(feed(tracker, test_scene::render(test_scene::path(0), 0.1)).has_value());
-  blind = test_scene::render(test_scene::path(3), 0.2);
-  blind.depth.release();
-  const auto T = feed(tracker, blind);
-  ASSERT_TRUE(T.has_value());
-  const Eigen::Isometry3d truth = test_scene::path(0).inverse() * test_scene::path(3);
-  EXPECT_LT((T->translation() - truth.translation()).norm(), 0.02);
-}
-
-TEST(RgbdOdometry, IsDeterministic) {
-  Trajectory first;
-  for (int run = 0; run < 2; ++run) {
-    RgbdOdometry tracker(test_scene::camera(), small_settings());
-    for (int step = 0; step < 8; ++step)
-      feed(tracker, test_scene::render(test_scene::path(5 * step), step * 0.1));
-    if (run == 0) first = tracker.trajectory();
-    ASSERT_EQ(tracker.trajectory().size(), first.size());
-    for (std::size_t i = 0; i < first.size(); ++i)
-      EXPECT_EQ(tracker.trajectory()[i].T_world_camera.matrix(), first[i].T_world_camera.matrix());
-  }
-}
-
-TEST(RgbdOdometry, RefusesNumbersThatAreNotFinite) {
-  test_scene::expect_only_finite_numbers(
-      [](const Camera& camera, std::unique_ptr<FeatureExtractor> extractor) {
-        return std::make_unique<RgbdOdometry>(camera, small_settings(), std::move(extractor));
-      });
-}
-
-// A grey image must not become the memory that the next color image is converted into.
-TEST(RgbdOdometry, NeverWritesIntoTheCallersImage) {
-  RgbdOdometry tracker(test_scene::camera(), small_settings());
-  test_scene::expect_images_untouched(tracker);
-}
-
-TEST(RgbdOdometry, RefusesASelectionOfOtherKeypoints) {
-  RgbdOdometry tracker(test_scene::camera(), small_settings());
-  const RgbdFrame frame = test_scene::render(test_scene::path(0), 0);
-  tracker.extract(frame, DynamicMask());
-  EXPECT_THROW(tracker.track(frame, DynamicMask(), test_scene::keep_all(3)), Error);
-  EXPECT_THROW(RgbdOdometry{Camera()}, Error);
 }
 
 }  // namespace

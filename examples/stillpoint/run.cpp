@@ -194,10 +194,11 @@ void add_run_options(CLI::App* command, RunSettings& s) {
   choices(command->add_option("--without", s.without, "Leave a stage out; may be given again"),
           {"compensation", "depth", "probability", "motion", "prediction", "loop_closing"})
       ->allow_extra_args(false);
-  choices(command->add_option(
-              "--tracker", s.tracker,
-              "slam: maps and closes loops; vo: small odometry  [" + default_tracker() + "]"),
-          tracker_names());
+  choices(
+      command->add_option("--tracker", s.tracker,
+                          "slam: maps and closes loops; vo: odometry, which never looks back  [" +
+                              default_tracker() + "]"),
+      tracker_names());
   between(command->add_option(
               "--features", s.features,
               "Keypoints per frame; up to three times as many\nwhere masks hide much  [1000]"),

@@ -11,7 +11,6 @@
 #ifdef STILLPOINT_WITH_OPENCV_DNN
 #include "stillpoint/backends/opencv_dnn/segmenter.hpp"
 #endif
-#include "stillpoint/backends/rgbd_slam/odometry.hpp"
 #include "stillpoint/backends/rgbd_slam/slam_system.hpp"
 #ifdef STILLPOINT_WITH_TORCHSCRIPT
 #include "stillpoint/backends/torchscript.hpp"
@@ -224,24 +223,20 @@ std::vector<DynamicClass> dynamic_classes(const RunSettings& settings) {
 }
 
 std::unique_ptr<Tracker> make_tracker(const RunSettings& settings, const Camera& camera) {
-  if (settings.tracker == "slam") {
-    rgbd_slam::SlamSystem::Settings slam;
-    // Else not threaded: the same input gives the same trajectory, which tables need.
-    slam.threaded = settings.real_time_rate;
-    slam.loops.enabled = std::find(settings.without.begin(), settings.without.end(),
-                                   "loop_closing") == settings.without.end();
-    if (settings.features > 0) slam.features.features = settings.features;
-    slam.noise.sensor = front_end_settings(settings).sensor;
-    return std::make_unique<rgbd_slam::SlamSystem>(camera, slam);
-  }
-  if (settings.tracker == "vo") {
-    rgbd_slam::RgbdOdometry::Settings vo;
-    if (settings.features > 0) vo.features.features = settings.features;
-    vo.noise.sensor = front_end_settings(settings).sensor;
-    return std::make_unique<rgbd_slam::RgbdOdometry>(camera, vo);
-  }
-  throw Error("--tracker: expected one of " + joined(tracker_names()) + ", found \"" +
-              settings.tracker + "\"");
+  const auto names = tracker_names();
+  if (std::find(names.begin(), names.end(), settings.tracker) == names.end())
+    throw Error("--tracker: expected one of " + joined(names) + ", found \"" + settings.tracker +
+                "\"");
+  using Slam = rgbd_slam::SlamSystem;
+  Slam::Settings slam = settings.tracker == "vo" ? Slam::Settings::odometry() : Slam::Settings();
+  // Else not threaded: the same input gives the same trajectory, which tables need.
+  slam.threaded = settings.real_time_rate;
+  if (std::find(settings.without.begin(), settings.without.end(), "loop_closing") !=
+      settings.without.end())
+    slam.loops.enabled = false;
+  if (settings.features > 0) slam.features.features = settings.features;
+  slam.noise.sensor = front_end_settings(settings).sensor;
+  return std::make_unique<Slam>(camera, slam);
 }
 
 nlohmann::ordered_json tracker_json(const Tracker& tracker) {

@@ -89,21 +89,6 @@ inline PoseErrors pose_errors(const Camera& camera, const NoiseModel& noise,
   return e;
 }
 
-/// How badly observations fit a pose: the sum of their squared errors in standard deviations, of
-/// which each counts kPixelChi2 at most. Tells the pose of the static world from a compromise
-/// with what moves, which more observations may agree on, but none well. O(n).
-inline double pose_misfit(const Camera& camera, const NoiseModel& noise,
-                          const std::vector<PoseObservation>& observations,
-                          const Eigen::Isometry3d& T_camera_world) {
-  double sum = 0;
-  for (const PoseObservation& o : observations) {
-    const PoseErrors e = pose_errors(camera, noise, o, T_camera_world);
-    sum += e.front ? std::min(kPixelChi2, e.pixel_chi2 + std::min(kDepthChi2, e.depth_chi2))
-                   : kPixelChi2;
-  }
-  return sum;
-}
-
 /// Refines T_camera_world on observations with Huber losses on pixel and inverse depth.
 ///
 /// Levenberg-Marquardt on six unknowns with exact derivatives, in four rounds; after each, what

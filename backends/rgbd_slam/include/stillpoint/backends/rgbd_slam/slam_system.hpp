@@ -35,7 +35,7 @@ namespace stillpoint::rgbd_slam {
 /// threads, track() stays fast). The world is the first tracked camera; if it turns out later that
 /// the first frames went with people whom no mask covered, trajectory() mends these (StartReview).
 /// A frame that is lost has no pose; after relocalisation the trajectory goes on in the same frame
-/// of reference. Call it from one thread.
+/// of reference. Call it from one thread. Settings::odometry() makes a visual odometry of it.
 ///
 /// Should mapping or loop closing fail (memory runs out), the caller gets an Error that says so,
 /// once: threaded, from the next call of extract(), track() or finish(), which has done nothing
@@ -51,8 +51,19 @@ class SlamSystem final : public Tracker {
     MapTracking::Settings tracking;
     LocalMapping::Settings mapping;
     LoopClosing::Settings loops;
+    /// Old poses become better as the map does: see StartReview, FrameRecord::settle(), finish().
+    bool revise_poses = true;
     /// Mapping and loop closing in threads of their own.
     bool threaded = false;
+
+    /// Visual odometry: no bundle adjustment, no loops, and what track() has returned stays.
+    static Settings odometry() {
+      Settings settings;
+      settings.mapping.bundle_keyframes = 0;
+      settings.loops.enabled = false;
+      settings.revise_poses = false;
+      return settings;
+    }
   };
 
   explicit SlamSystem(const Camera& camera) : SlamSystem(camera, Settings()) {}
@@ -144,6 +155,7 @@ class SlamSystem final : public Tracker {
   void finish() override {
     drain();
     rethrow();
+    if (!settings_.revise_poses) return;
     if (adjusted_to_ != map_.keyframe_end()) loops_->adjust_all(map_, mapping_mutex_, map_mutex_);
     adjusted_to_ = map_.keyframe_end();
     tracking_->settle(map_, map_mutex_, true);
@@ -178,6 +190,7 @@ class SlamSystem final : public Tracker {
     }
     name_errors("local mapping", id, [&] {
       mapping_->process(map_, map_mutex_, index_, id, hurry);
+      if (!settings_.revise_poses) return;
       tracking_->review_start(map_, map_mutex_);
       tracking_->settle(map_, map_mutex_);
     });
