@@ -2,25 +2,16 @@
 // A textured box room for the tests of this back end: exact poses, exact depth, no file.
 #pragma once
 
-#include <gtest/gtest.h>
-
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <limits>
-#include <memory>
 #include <opencv2/core.hpp>
-#include <opencv2/imgproc.hpp>
-#include <string>
-#include <vector>
 
-#include "../../tests/io/temporary_folder.hpp"
-#include "stillpoint/backends/rgbd_slam/features.hpp"
 #include "stillpoint/core/camera.hpp"
 #include "stillpoint/core/frame.hpp"
 #include "stillpoint/core/selection.hpp"
-#include "stillpoint/tracking/tracker.hpp"
 
 namespace test_scene {
 
@@ -120,93 +111,6 @@ inline stillpoint::Selection keep_all(std::size_t n) {
   s.reason.assign(n, stillpoint::KeypointReason::kStatic);
   for (std::size_t i = 0; i < n; ++i) s.kept.push_back(static_cast<int>(i));
   return s;
-}
-
-// Grey frames and color ones in turn: what the tracker is given stays as it was.
-inline void expect_images_untouched(stillpoint::Tracker& tracker) {
-  std::vector<stillpoint::RgbdFrame> frames;
-  std::vector<cv::Mat> colors, depths;
-  for (int step = 0; step < 6; ++step) {
-    stillpoint::RgbdFrame frame = render(path(step), step / 30.0);
-    if (step % 2) cv::cvtColor(frame.color, frame.color, cv::COLOR_GRAY2BGR);
-    frames.push_back(frame);
-    colors.push_back(frame.color.clone()), depths.push_back(frame.depth.clone());
-    const std::size_t n = tracker.extract(frame, stillpoint::DynamicMask()).size();
-    EXPECT_TRUE(tracker.track(frame, stillpoint::DynamicMask(), keep_all(n))) << step;
-  }
-  tracker.finish();
-  for (std::size_t i = 0; i < frames.size(); ++i) {
-    EXPECT_EQ(cv::norm(frames[i].color, colors[i], cv::NORM_INF), 0) << i;
-    EXPECT_EQ(cv::norm(frames[i].depth, depths[i], cv::NORM_INF), 0) << i;
-  }
-}
-
-// Passes on what ORB finds, with one keypoint at NaN when told so.
-class SpoiledExtractor final : public stillpoint::rgbd_slam::FeatureExtractor {
- public:
-  explicit SpoiledExtractor(const bool& spoiled) : spoiled_(spoiled) {}
-  void extract(const cv::Mat& gray, const cv::Mat& mask,
-               stillpoint::rgbd_slam::Features& features) override {
-    orb_.extract(gray, mask, features);
-    if (spoiled_) features.keypoints.at(7).pt.y = std::numeric_limits<float>::quiet_NaN();
-  }
-  int levels() const override { return orb_.levels(); }
-  double scale_factor() const override { return orb_.scale_factor(); }
-
- private:
-  const bool& spoiled_;
-  stillpoint::rgbd_slam::OrbExtractor orb_;
-};
-
-// What is not finite is refused, and the tracker goes on as if nothing had been: `make` makes one
-// of a camera and an extractor.
-template <class Make>
-void expect_only_finite_numbers(const Make& make) {
-  const double nan = std::numeric_limits<double>::quiet_NaN();
-  const double infinite = std::numeric_limits<double>::infinity();
-  bool spoiled = false;
-  stillpoint::Trajectory expected;
-  for (const bool disturbed : {false, true}) {
-    const auto tracker = make(camera(), std::make_unique<SpoiledExtractor>(spoiled));
-    for (int step = 0; step < 8; ++step) {
-      const stillpoint::RgbdFrame frame = render(path(step), step / 30.0);
-      std::size_t n = 0;
-      if (disturbed) {
-        spoiled = true;
-        EXPECT_ERROR(tracker->extract(frame, {}), "extract", "finite pixels", "number 7", "nan");
-        spoiled = false;
-      }
-      n = tracker->extract(frame, {}).size();
-      if (disturbed) {
-        for (const double bad : {nan, infinite}) {
-          stillpoint::RgbdFrame other = frame;
-          other.timestamp = bad;
-          EXPECT_ERROR(tracker->track(other, {}, keep_all(n)), "frame.timestamp",
-                       "expected seconds");
-        }
-        stillpoint::Selection wrong = keep_all(n);
-        wrong.kept.back() = static_cast<int>(n);
-        const std::string found = "found " + std::to_string(n);
-        EXPECT_ERROR(tracker->track(frame, {}, wrong), "selection.kept", found.c_str());
-        stillpoint::RgbdFrame small = frame;
-        small.color = frame.color(cv::Rect(0, 0, 64, 48)), small.depth.release();
-        EXPECT_ERROR(tracker->track(small, {}, keep_all(n)), "320x240", "found 64x48");
-      }
-      EXPECT_TRUE(tracker->track(frame, {}, keep_all(n))) << step;
-    }
-    tracker->finish();
-    const stillpoint::Trajectory trajectory = tracker->trajectory();
-    ASSERT_EQ(trajectory.size(), 8u);
-    if (!disturbed) expected = trajectory;
-    for (std::size_t i = 0; i < trajectory.size(); ++i)
-      EXPECT_EQ(trajectory[i].T_world_camera.matrix(), expected[i].T_world_camera.matrix()) << i;
-  }
-  stillpoint::Camera bad = camera();
-  bad.cx = nan;
-  EXPECT_ERROR(make(bad, nullptr), "camera: expected finite numbers, found nan");
-  bad = camera();
-  bad.fx = infinite;
-  EXPECT_ERROR(make(bad, nullptr), "camera: expected finite numbers, found inf");
 }
 
 }  // namespace test_scene

@@ -88,7 +88,7 @@ TEST_F(Cli, OnlinePosesStandBesideTheFinalOnes) {
   ASSERT_EQ(run("bench walk --out online_bench --variants off,default --tracker vo --runs 3").code,
             0);
   for (const Json& row : json_of(path("online_bench") / "results.json")["rows"]) {
-    EXPECT_NEAR(row["ate_online_rmse_m"], row["ate_rmse_m"], 1e-9) << row["label"];
+    EXPECT_DOUBLE_EQ(row["ate_online_rmse_m"], row["ate_rmse_m"]) << row["label"];
     EXPECT_LE(row["ate_rmse_low_m"], row["ate_rmse_m"]);
     EXPECT_GE(row["ate_rmse_high_m"], row["ate_rmse_m"]);
     EXPECT_LE(row["ate_rmse_high_m"], row["ate_rmse_worst_m"]);

@@ -45,7 +45,7 @@ class FeatureExtractor {
 /// where nothing stands out. Those on or at the rim of the dynamic mask are dropped *before* the
 /// level's budget is spent, so that all of it goes to the static area, and the budget grows with
 /// what the mask hides; what a level can't spend goes on to the next. The best corners of even
-/// cells are kept (`spread`), turned by their intensity centroid and described by cv::ORB.
+/// cells are kept (`spread`), rotated by their intensity centroid and described by cv::ORB.
 /// Deterministic. One object serves one thread.
 class OrbExtractor final : public FeatureExtractor {
  public:
@@ -127,7 +127,7 @@ class OrbExtractor final : public FeatureExtractor {
   }
 
  private:
-  // Radius of the described patch, and the border that keeps its turned corners inside.
+  // Radius of the described patch, and the border that keeps its rotated corners inside.
   static constexpr int kRadius = 15;
   static constexpr int kBorder = 19;
 

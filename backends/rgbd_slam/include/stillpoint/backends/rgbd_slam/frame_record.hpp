@@ -17,7 +17,7 @@ class FrameRecord {
  public:
   FrameRecord(const Map& map, KeyframeId reference, const TrackedFrame& frame)
       : timestamp_(frame.frame.timestamp) {
-    hang_on(map, reference, frame.T_camera_world);
+    attach_to(map, reference, frame.T_camera_world);
     for (std::size_t i = 0; i < frame.points.size(); ++i)
       if (frame.points[i] != kNone) sights_.push_back({frame.points[i], frame.frame.keypoints[i]});
   }
@@ -30,21 +30,21 @@ class FrameRecord {
   }
 
   /// From now on it moves with another keyframe.
-  void hang_on(const Map& map, KeyframeId reference, const Eigen::Isometry3d& T_camera_world) {
+  void attach_to(const Map& map, KeyframeId reference, const Eigen::Isometry3d& T_camera_world) {
     reference_ = reference;
     T_camera_reference_ = T_camera_world * map.pose_of(reference).inverse();
   }
 
   /// Takes another pose. What the frame saw belongs to the old one and is forgotten.
-  void mend(const Map& map, KeyframeId reference, const Eigen::Isometry3d& T_camera_world) {
-    hang_on(map, reference, T_camera_world);
+  void correct(const Map& map, KeyframeId reference, const Eigen::Isometry3d& T_camera_world) {
+    attach_to(map, reference, T_camera_world);
     std::vector<Sight>().swap(sights_);
   }
 
   /// Refines the pose on the points as the map knows them by now, better than when the frame was
   /// tracked: later keyframes see them, too. Forgets what it saw. A keyframe's own pose is the
   /// map's, and stays. O(points).
-  void settle(const Optics& optics, const Map& map) {
+  void settle(const CameraModel& model, const Map& map) {
     std::vector<Sight> sights;
     sights.swap(sights_);
     const Keyframe* keyframe = map.keyframe(reference_);
@@ -53,13 +53,13 @@ class FrameRecord {
     for (const Sight& s : sights)
       if (const MapPoint* point = map.point(map.resolve(s.point)))
         observations.push_back(
-            pose_observation(optics, s.keypoint, observations.size(), point->position));
+            pose_observation(model, s.keypoint, observations.size(), point->position));
     if (observations.size() < kFewest) return;
     Eigen::Isometry3d T_camera_world = pose(map);
-    const int fitting = optimize_pose(optics.camera, optics.noise, observations, T_camera_world);
+    const int fitting = optimize_pose(model.camera, model.noise, observations, T_camera_world);
     // The points may have moved in between as no one pose explains.
     if (fitting >= kFitting * static_cast<double>(observations.size()))
-      hang_on(map, reference_, T_camera_world);
+      attach_to(map, reference_, T_camera_world);
   }
 
  private:

@@ -8,10 +8,10 @@
 #include <vector>
 
 #include "stillpoint/backends/rgbd_slam/bundle_adjustment.hpp"
-#include "stillpoint/backends/rgbd_slam/fair_mutex.hpp"
 #include "stillpoint/backends/rgbd_slam/map.hpp"
 #include "stillpoint/backends/rgbd_slam/map_changes.hpp"
 #include "stillpoint/backends/rgbd_slam/place_index.hpp"
+#include "stillpoint/backends/rgbd_slam/threads.hpp"
 #include "stillpoint/backends/rgbd_slam/triangulation.hpp"
 
 namespace stillpoint::rgbd_slam {
@@ -33,25 +33,22 @@ class LocalMapping {
     double redundant_ratio = 0.9;
   };
 
-  LocalMapping(const Optics& optics, const Settings& settings)
-      : optics_(optics), settings_(settings) {}
+  LocalMapping(const CameraModel& model, const Settings& settings)
+      : model_(model), settings_(settings) {}
 
   /// Works a keyframe in. With `stop` set by another thread the long parts are cut short.
   void process(Map& map, FairMutex& lock, PlaceIndex& index, KeyframeId id,
                const std::atomic<bool>& stop) {
+    std::vector<KeyframeId> neighbors;
     {
       const std::lock_guard<FairMutex> guard(lock);
       register_points(map, id);
       cull_young_points(map, id);
-    }
-    std::vector<KeyframeId> neighbors;
-    {
-      const std::lock_guard<FairMutex> guard(lock);
       neighbors = map.neighbors(id, settings_.triangulate_with);
     }
     for (const KeyframeId n : neighbors) {
       const std::lock_guard<FairMutex> guard(lock);
-      for (const PointId p : triangulate_between(optics_, map, *map.keyframe(id), *map.keyframe(n)))
+      for (const PointId p : triangulate_between(model_, map, *map.keyframe(id), *map.keyframe(n)))
         young_.push_back(p);
     }
     fuse(map, lock, id);
@@ -97,26 +94,16 @@ class LocalMapping {
     {
       const std::lock_guard<FairMutex> guard(lock);
       targets = map.neighbors(id, settings_.fuse_with);
-      own = points_of(map, {id});
+      own = map.points_of({id});
     }
     for (const KeyframeId target : targets) {
       const std::lock_guard<FairMutex> guard(lock);
-      fuse_points(optics_, map, *map.keyframe(target), own, 3, false);
+      fuse_points(model_, map, *map.keyframe(target), own, 3, false);
     }
     const std::lock_guard<FairMutex> guard(lock);
-    fuse_points(optics_, map, *map.keyframe(id), points_of(map, targets), 3, false);
-    for (const PointId p : points_of(map, {id})) map.refresh(*map.point(p));
+    fuse_points(model_, map, *map.keyframe(id), map.points_of(targets), 3, false);
+    for (const PointId p : map.points_of({id})) map.refresh(*map.point(p));
     map.update_connections(id);
-  }
-
-  static std::vector<PointId> points_of(const Map& map, const std::vector<KeyframeId>& keyframes) {
-    std::vector<PointId> points;
-    for (const KeyframeId k : keyframes)
-      for (const PointId p : map.keyframe(k)->points)
-        if (p != kNone) points.push_back(p);
-    std::sort(points.begin(), points.end());
-    points.erase(std::unique(points.begin(), points.end()), points.end());
-    return points;
   }
 
   void adjust(Map& map, FairMutex& lock, KeyframeId id, const std::atomic<bool>& stop) {
@@ -127,11 +114,11 @@ class LocalMapping {
       std::vector<KeyframeId> local = map.neighbors(id, settings_.bundle_keyframes - 1);
       local.push_back(id);
       std::sort(local.begin(), local.end());
-      bundle = collect_bundle(map, optics_, local);
+      bundle = collect_bundle(map, model_, local);
     }
-    if (!solve_bundle(bundle, optics_, settings_.bundle_iterations, &stop)) return;
+    if (!solve_bundle(bundle, model_, settings_.bundle_iterations, &stop)) return;
     const std::lock_guard<FairMutex> guard(lock);
-    apply_local_bundle(map, bundle);
+    apply_bundle(map, bundle);
   }
 
   void cull_keyframes(Map& map, PlaceIndex& index, KeyframeId now) {
@@ -148,10 +135,7 @@ class LocalMapping {
         int others = 0;
         const int octave = k.frame.keypoints[i].octave;
         for (const Observation& o : p->observations)
-          if (o.keyframe != id && map.keyframe(o.keyframe)
-                                          ->frame.keypoints[static_cast<std::size_t>(o.keypoint)]
-                                          .octave <= octave + 1)
-            ++others;
+          others += o.keyframe != id && map.keypoint(o).octave <= octave + 1;
         redundant += others >= 3;
       }
       if (redundant <= settings_.redundant_ratio * total) continue;
@@ -160,7 +144,7 @@ class LocalMapping {
     }
   }
 
-  Optics optics_;
+  CameraModel model_;
   Settings settings_;
   std::vector<PointId> young_;
 };

@@ -11,16 +11,16 @@
 #include <vector>
 
 #include "stillpoint/backends/rgbd_slam/bundle_adjustment.hpp"
-#include "stillpoint/backends/rgbd_slam/fair_mutex.hpp"
 #include "stillpoint/backends/rgbd_slam/local_map.hpp"
 #include "stillpoint/backends/rgbd_slam/map_changes.hpp"
 #include "stillpoint/backends/rgbd_slam/place_index.hpp"
 #include "stillpoint/backends/rgbd_slam/pose_graph.hpp"
 #include "stillpoint/backends/rgbd_slam/relocalizer.hpp"
+#include "stillpoint/backends/rgbd_slam/threads.hpp"
 
 namespace stillpoint::rgbd_slam {
 
-/// Notices that the camera is back at a known place, and takes out the drift of the way between.
+/// Notices that the camera is back at a known place, and removes the drift since it was there.
 ///
 /// A keyframe votes for places by its descriptors; a place that is not its neighbor anyway is
 /// verified by pose (PnP, guided matching), and by the keyframe's neighbors, which must find it too
@@ -42,8 +42,8 @@ class LoopClosing {
     int bundle_iterations = 15;
   };
 
-  LoopClosing(const Optics& optics, const Settings& settings)
-      : optics_(optics), settings_(settings) {}
+  LoopClosing(const CameraModel& model, const Settings& settings)
+      : model_(model), settings_(settings) {}
 
   /// Enters a keyframe into the index and closes a loop if it sees one. `mapping_lock` keeps local
   /// mapping out while the map is corrected; `lock` is the map's. Returns true if one was closed.
@@ -84,18 +84,17 @@ class LoopClosing {
     BundleProblem bundle;
     {
       const std::lock_guard<FairMutex> guard(lock);
-      std::vector<KeyframeId> all;
-      for (int i = 0; i < map.keyframe_end(); ++i)
-        if (map.keyframe(i)) all.push_back(i);
-      bundle = collect_bundle(map, optics_, all);
+      bundle = collect_bundle(map, model_, map.keyframe_ids());
     }
-    if (!solve_bundle(bundle, optics_, settings_.bundle_iterations, nullptr, true)) return;
+    if (!solve_bundle(bundle, model_, settings_.bundle_iterations, nullptr, true)) return;
     const std::lock_guard<std::mutex> no_mapping(mapping_lock);
     const std::lock_guard<FairMutex> guard(lock);
-    apply_global_bundle(map, bundle);
+    apply_bundle(map, bundle, true);
   }
 
  private:
+  using Poses = std::map<KeyframeId, Eigen::Isometry3d>;
+  using Links = std::map<KeyframeId, std::map<KeyframeId, int>>;
   struct Loop {
     KeyframeId place = kNone;
     Eigen::Isometry3d T_camera_world = Eigen::Isometry3d::Identity();
@@ -132,7 +131,7 @@ class LoopClosing {
     const Keyframe* k = map.keyframe(id);
     if (!k || !map.keyframe(place)) return {};
     TrackedFrame f(k->frame);
-    if (find_pose_at_place(optics_, map, place, settings_.min_inliers, f) == 0 ||
+    if (find_pose_at_place(model_, map, place, settings_.min_inliers, f) == 0 ||
         !neighbors_agree(map, *k, place, f.T_camera_world))
       return {};
     return {place, f.T_camera_world, f.points};
@@ -141,10 +140,7 @@ class LoopClosing {
   // Moved along with the keyframe, its neighbors must find the place's points too.
   bool neighbors_agree(const Map& map, const Keyframe& k, KeyframeId place,
                        const Eigen::Isometry3d& T_camera_world) const {
-    std::vector<PointId> seen;
-    for (const PointId p : map.keyframe(place)->points)
-      if (p != kNone) seen.push_back(p);
-    const LocalMap local = gather_local_map(map, seen, 20);
+    const LocalMap local = gather_local_map(map, map.keyframe(place)->points, 20);
     int asked = 0, agreeing = 0;
     for (const KeyframeId n : map.neighbors(k.id, 4)) {
       const Keyframe& neighbor = *map.keyframe(n);
@@ -152,8 +148,8 @@ class LoopClosing {
       const Eigen::Isometry3d expected =
           neighbor.T_camera_world * k.T_camera_world.inverse() * T_camera_world;
       f.T_camera_world = expected;
-      match_projections(optics_, map, local.points, 8, MatchLimits(), f);
-      const int inliers = refine_pose(optics_, map, f);
+      match_projections(model_, map, local.points, 8, f);
+      const int inliers = refine_pose(model_, map, f);
       const Eigen::Isometry3d off = f.T_camera_world * expected.inverse();
       ++asked;
       agreeing += inliers >= settings_.min_inliers / 2 && off.translation().norm() < 0.1 &&
@@ -162,12 +158,32 @@ class LoopClosing {
     return 2 * agreeing >= asked;
   }
 
-  // Moves the keyframe's surroundings onto the place, and the way between after them. If it fails
-  // half-way, the keyframes go back to where they were: the map is not torn.
+  // Moves the keyframe's surroundings onto the place, and the keyframes between with them. If it
+  // fails half-way, the keyframes go back to where they were: the map is not torn.
   bool correct(Map& map, FairMutex& lock, KeyframeId id, const Loop& loop) {
-    std::map<KeyframeId, Eigen::Isometry3d> before;
+    Poses before, poses;
+    std::vector<PoseGraphEdge> edges;
     try {
-      return correct(map, lock, id, loop, before);
+      {
+        const std::lock_guard<FairMutex> guard(lock);
+        if (!map.keyframe(id) || !map.keyframe(loop.place)) return false;
+        Links links_before;
+        for (const KeyframeId i : map.keyframe_ids()) {
+          before[i] = map.keyframe(i)->T_camera_world;
+          links_before[i] = map.keyframe(i)->covisible;
+        }
+        std::vector<KeyframeId> group = map.neighbors(id);
+        group.push_back(id);
+        join(map, group, id, loop);
+        edges = essential_graph(map, before, links_before, group);
+        for (const auto& entry : before)
+          poses[entry.first] = map.keyframe(entry.first)->T_camera_world;
+      }
+      // The map's first keyframe, its origin, is never removed.
+      if (!optimize_pose_graph(poses, edges, poses.begin()->first)) return false;
+      const std::lock_guard<FairMutex> guard(lock);
+      move_map(map, poses);
+      return true;
     } catch (...) {
       const std::lock_guard<FairMutex> guard(lock);
       move_map(map, before);
@@ -175,50 +191,15 @@ class LoopClosing {
     }
   }
 
-  // `before` takes the keyframes' poses as they were.
-  bool correct(Map& map, FairMutex& lock, KeyframeId id, const Loop& loop,
-               std::map<KeyframeId, Eigen::Isometry3d>& before) {
-    std::map<KeyframeId, Eigen::Isometry3d> poses;
-    std::vector<PoseGraphEdge> edges;
-    KeyframeId origin = kNone;
-    {
-      const std::lock_guard<FairMutex> guard(lock);
-      if (!map.keyframe(id) || !map.keyframe(loop.place)) return false;
-      std::map<KeyframeId, std::map<KeyframeId, int>> linked_before;
-      for (int i = 0; i < map.keyframe_end(); ++i)
-        if (const Keyframe* k = map.keyframe(i)) {
-          before[i] = k->T_camera_world;
-          linked_before[i] = k->covisible;
-        }
-      std::vector<KeyframeId> group = map.neighbors(id);
-      group.push_back(id);
-      join(map, group, id, loop);
-      edges = essential_graph(map, before, linked_before, group);
-      for (const auto& entry : before) {
-        poses[entry.first] = map.keyframe(entry.first)->T_camera_world;
-        if (map.keyframe(entry.first)->parent == kNone && origin == kNone) origin = entry.first;
-      }
-    }
-    if (!optimize_pose_graph(poses, edges, origin)) return false;
-    const std::lock_guard<FairMutex> guard(lock);
-    move_map(map, poses);
-    return true;
-  }
-
   // Moves the keyframe's surroundings onto the place and fuses the points of both sides.
   void join(Map& map, const std::vector<KeyframeId>& group, KeyframeId id, const Loop& loop) {
     const Eigen::Isometry3d step =
         loop.T_camera_world.inverse() * map.keyframe(id)->T_camera_world;  // moves points
-    std::vector<PointId> seen;
-    for (const PointId p : map.keyframe(loop.place)->points)
-      if (p != kNone) seen.push_back(p);
-    const std::vector<PointId> place_points = gather_local_map(map, seen, 20).points;
+    const std::vector<PointId> place_points =
+        gather_local_map(map, map.keyframe(loop.place)->points, 20).points;
     const std::set<PointId> stay(place_points.begin(), place_points.end());
-    std::set<PointId> moved;
-    for (const KeyframeId g : group)
-      for (const PointId p : map.keyframe(g)->points)
-        if (p != kNone && !stay.count(p)) moved.insert(p);
-    for (const PointId p : moved) map.point(p)->position = step * map.point(p)->position;
+    for (const PointId p : map.points_of(group))
+      if (!stay.count(p)) map.point(p)->position = step * map.point(p)->position;
     for (const KeyframeId g : group)
       map.keyframe(g)->T_camera_world = map.keyframe(g)->T_camera_world * step.inverse();
     Keyframe& k = *map.keyframe(id);
@@ -231,50 +212,48 @@ class LoopClosing {
         map.observe(*p, k, static_cast<int>(i));
     }
     for (const KeyframeId g : group)
-      fuse_points(optics_, map, *map.keyframe(g), place_points, 4, true);
+      fuse_points(model_, map, *map.keyframe(g), place_points, 4, true);
     for (const KeyframeId g : group) map.update_connections(g);
     k.loop_edges.insert(loop.place);
     map.keyframe(loop.place)->loop_edges.insert(id);
   }
 
-  std::vector<PoseGraphEdge> essential_graph(
-      const Map& map, const std::map<KeyframeId, Eigen::Isometry3d>& before,
-      const std::map<KeyframeId, std::map<KeyframeId, int>>& linked_before,
-      const std::vector<KeyframeId>& group) const {
+  // The edges that must fit when the map is bent: new links across the loop as the poses are now,
+  // all others as they were.
+  std::vector<PoseGraphEdge> essential_graph(const Map& map, const Poses& before,
+                                             const Links& links_before,
+                                             const std::vector<KeyframeId>& group) const {
     std::vector<PoseGraphEdge> edges;
     std::set<std::pair<KeyframeId, KeyframeId>> listed;
+    const auto add = [&](KeyframeId a, KeyframeId b, const auto& pose_of) {
+      if (listed.insert(std::minmax(a, b)).second)
+        edges.push_back({a, b, pose_of(a) * pose_of(b).inverse()});
+    };
+    const auto now = [&](KeyframeId id) { return map.keyframe(id)->T_camera_world; };
+    const auto then = [&](KeyframeId id) { return before.at(id); };
     const std::set<KeyframeId> in_group(group.begin(), group.end());
-    // New links across the loop hold the corrected poses; all others the poses as they were.
     for (const KeyframeId g : group) {
       const Keyframe& k = *map.keyframe(g);
-      for (const auto& [other, shared] : k.covisible) {
-        const bool known = in_group.count(other) || linked_before.at(g).count(other);
-        const bool loop = k.loop_edges.count(other) && !linked_before.at(g).count(other);
-        if (known || (shared < settings_.strong_covisibility && !loop)) continue;
-        if (!listed.insert(std::minmax(g, other)).second) continue;
-        edges.push_back(
-            {g, other, k.T_camera_world * map.keyframe(other)->T_camera_world.inverse(), 1});
-      }
+      const std::map<KeyframeId, int>& linked = links_before.at(g);
+      for (const auto& [other, shared] : k.covisible)
+        if (!in_group.count(other) && !linked.count(other) &&
+            (shared >= settings_.strong_covisibility || k.loop_edges.count(other)))
+          add(g, other, now);
       for (const KeyframeId other : k.loop_edges)
-        if (!linked_before.at(g).count(other) && listed.insert(std::minmax(g, other)).second)
-          edges.push_back(
-              {g, other, k.T_camera_world * map.keyframe(other)->T_camera_world.inverse(), 1});
+        if (!linked.count(other)) add(g, other, now);
     }
-    const auto add = [&](KeyframeId a, KeyframeId b) {
-      if (b == kNone || !before.count(b) || !listed.insert(std::minmax(a, b)).second) return;
-      edges.push_back({a, b, before.at(a) * before.at(b).inverse(), 1});
-    };
     for (const auto& [id, T] : before) {
       const Keyframe& k = *map.keyframe(id);
-      add(id, k.parent);
-      for (const KeyframeId other : k.loop_edges) add(id, other);
-      for (const auto& [other, shared] : linked_before.at(id))
-        if (shared >= settings_.strong_covisibility) add(id, other);
+      if (k.parent != kNone) add(id, k.parent, then);
+      for (const KeyframeId other : k.loop_edges)
+        if (before.count(other)) add(id, other, then);
+      for (const auto& [other, shared] : links_before.at(id))
+        if (shared >= settings_.strong_covisibility) add(id, other, then);
     }
     return edges;
   }
 
-  Optics optics_;
+  CameraModel model_;
   Settings settings_;
   KeyframeId last_loop_ = -1000;
   std::atomic<int> closed_{0};

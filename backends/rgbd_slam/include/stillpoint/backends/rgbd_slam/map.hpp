@@ -6,61 +6,12 @@
 #include <cstddef>
 #include <map>
 #include <memory>
-#include <set>
 #include <utility>
 #include <vector>
 
-#include "stillpoint/backends/rgbd_slam/keypoint_frame.hpp"
-#include "stillpoint/backends/rgbd_slam/matching.hpp"
-#include "stillpoint/backends/rgbd_slam/patch.hpp"
+#include "stillpoint/backends/rgbd_slam/map_elements.hpp"
 
 namespace stillpoint::rgbd_slam {
-
-using KeyframeId = int;
-using PointId = int;
-/// No keyframe, no point.
-constexpr int kNone = -1;
-
-/// Keypoint `keypoint` of keyframe `keyframe` shows a point.
-struct Observation {
-  KeyframeId keyframe = kNone;
-  int keypoint = kNone;
-};
-
-/// A point of the static world.
-struct MapPoint {
-  PointId id = kNone;
-  /// World coordinates, metres.
-  Eigen::Vector3d position = Eigen::Vector3d::Zero();
-  /// Mean of the unit vectors from the cameras that see it to the point.
-  Eigen::Vector3d view_direction = Eigen::Vector3d::Zero();
-  Descriptor descriptor{};
-  ScaleRange scale;
-  Patch patch;
-  /// In ascending order of keyframes; one per keyframe.
-  std::vector<Observation> observations;
-  /// Moves with this keyframe when a loop is closed; the first one that saw it.
-  KeyframeId reference = kNone, first_keyframe = kNone;
-  /// Frames in whose view it should have been, and those that found it.
-  int visible = 1, found = 1;
-};
-
-/// A frame that the map is built of.
-struct Keyframe {
-  KeyframeId id = kNone;
-  Eigen::Isometry3d T_camera_world = Eigen::Isometry3d::Identity();
-  KeypointFrame frame;
-  /// The point of each keypoint, or kNone.
-  std::vector<PointId> points;
-  /// Keyframes that see the same points, and how many.
-  std::map<KeyframeId, int> covisible;
-  /// Spanning tree, and accepted loops.
-  KeyframeId parent = kNone;
-  std::set<KeyframeId> children, loop_edges;
-
-  double timestamp() const { return frame.timestamp; }
-  Eigen::Vector3d center() const { return T_camera_world.inverse().translation(); }
-};
 
 /// Keyframes, points, who sees whom. Knows no thread: the caller locks.
 ///
@@ -80,7 +31,9 @@ class Map {
   /// One past the largest identifier.
   int keyframe_end() const { return static_cast<int>(keyframes_.size()); }
   int point_end() const { return static_cast<int>(points_.size()); }
-  /// Those that are alive.
+  /// Those that are alive, in ascending order. O(all).
+  std::vector<KeyframeId> keyframe_ids() const { return ids_of(keyframes_); }
+  std::vector<PointId> point_ids() const { return ids_of(points_); }
   std::size_t keyframe_count() const { return keyframe_count_; }
   std::size_t point_count() const { return point_count_; }
 
@@ -140,7 +93,7 @@ class Map {
       k->points[static_cast<std::size_t>(place->keypoint)] = kNone;
     p->observations.erase(place);
     if (p->observations.empty() ||
-        (p->observations.size() == 1 && depth_of(p->observations[0]) <= 0)) {
+        (p->observations.size() == 1 && keypoint(p->observations[0]).depth_m <= 0)) {
       erase_point(point_id);
     } else if (p->reference == keyframe_id) {
       p->reference = p->observations.front().keyframe;
@@ -183,14 +136,12 @@ class Map {
     p.view_direction = sum.normalized();
     p.descriptor = descriptors[most_typical_descriptor(descriptors)];
     for (const Observation& o : p.observations)
-      if (o.keyframe == p.reference) {
-        const Keyframe* k = keyframe(o.keyframe);
-        p.scale = ScaleRange((p.position - k->center()).norm(),
-                             k->frame.keypoints[static_cast<std::size_t>(o.keypoint)].scale);
-      }
+      if (o.keyframe == p.reference)
+        p.scale =
+            ScaleRange((p.position - keyframe(o.keyframe)->center()).norm(), keypoint(o).scale);
   }
 
-  /// Recounts the covisibility of a keyframe, on both sides, and hangs it into the spanning tree.
+  /// Recounts the covisibility of a keyframe, on both sides, and adds it to the spanning tree.
   void update_connections(KeyframeId id) {
     Keyframe& k = *keyframe(id);
     std::map<KeyframeId, int> shared;
@@ -270,10 +221,20 @@ class Map {
     return T * keyframe(id)->T_camera_world;
   }
 
-  /// Measured depth of an observation, metres; 0 for none.
-  double depth_of(const Observation& o) const {
-    const Keyframe* k = keyframe(o.keyframe);
-    return k ? k->frame.keypoints[static_cast<std::size_t>(o.keypoint)].depth_m : 0;
+  /// The keypoint of an observation.
+  const FrameKeypoint& keypoint(const Observation& o) const {
+    return keyframe(o.keyframe)->frame.keypoints[static_cast<std::size_t>(o.keypoint)];
+  }
+
+  /// The points that keyframes see, each once, in ascending order. O(n log n).
+  std::vector<PointId> points_of(const std::vector<KeyframeId>& keyframes) const {
+    std::vector<PointId> points;
+    for (const KeyframeId k : keyframes)
+      for (const PointId p : keyframe(k)->points)
+        if (p != kNone) points.push_back(p);
+    std::sort(points.begin(), points.end());
+    points.erase(std::unique(points.begin(), points.end()), points.end());
+    return points;
   }
 
   void clear() { *this = Map(); }
@@ -287,6 +248,14 @@ class Map {
   template <class T>
   static T* at(const std::vector<std::unique_ptr<T>>& all, int id) {
     return id < 0 ? nullptr : all[static_cast<std::size_t>(id)].get();
+  }
+
+  template <class T>
+  static std::vector<int> ids_of(const std::vector<std::unique_ptr<T>>& all) {
+    std::vector<int> ids;
+    for (const auto& one : all)
+      if (one) ids.push_back(one->id);
+    return ids;
   }
 
   static std::vector<Observation>::iterator find(MapPoint& point, KeyframeId keyframe) {

@@ -19,20 +19,34 @@ struct MatchLimits {
   double ratio = 0.85;
 };
 
-/// A place in a frame where a point is expected.
-struct Sighting {
+/// Where a point is expected in a frame, and on which pyramid level.
+struct Projection {
   Eigen::Vector2d pixel;
-  double radius_px;
-  int min_octave, max_octave;
+  int octave;
 };
 
-/// Finds the keypoint at a sighting whose descriptor is nearest; -1 for none. Keypoints with
-/// taken[i] >= 0 are left out. `found` is scratch memory. O(keypoints in the radius).
-inline int match_at(const KeypointFrame& frame, const Sighting& sighting,
+/// The nearest of the descriptors that were tried, and the distance of the second nearest.
+struct NearestDescriptor {
+  int index = -1, distance = 257, second_distance = 257;
+
+  void try_one(int i, int d) {
+    if (d < distance)
+      second_distance = distance, distance = d, index = i;
+    else if (d < second_distance)
+      second_distance = d;
+  }
+  bool within(const MatchLimits& limits) const {
+    return distance <= limits.max_distance && distance <= limits.ratio * second_distance;
+  }
+};
+
+/// Finds the keypoint within `radius_px` of a projection, a level up or down at most, whose
+/// descriptor is nearest; -1 for none. Keypoints with taken[i] >= 0 are left out. `found` is
+/// scratch memory. O(keypoints in the radius).
+inline int match_at(const KeypointFrame& frame, const Projection& at, double radius_px,
                     const Descriptor& descriptor, const MatchLimits& limits,
                     const std::vector<int>& taken, std::vector<int>& found) {
-  frame.find(sighting.pixel.x(), sighting.pixel.y(), sighting.radius_px, sighting.min_octave,
-             sighting.max_octave, found);
+  frame.find(at.pixel.x(), at.pixel.y(), radius_px, at.octave - 1, at.octave + 1, found);
   int best = -1, best_distance = 257, second_distance = 257, best_octave = -1, second_octave = -2;
   for (const int index : found) {
     const auto i = static_cast<std::size_t>(index);
@@ -53,7 +67,7 @@ inline int match_at(const KeypointFrame& frame, const Sighting& sighting,
 
 /// A pair of descriptors: index in the first list, index in the second.
 struct DescriptorMatch {
-  int first, second, distance;
+  int first, second;
 };
 
 /// Matches two lists without any guess of where: nearest both ways, distance and ratio limits.
@@ -61,26 +75,22 @@ struct DescriptorMatch {
 inline std::vector<DescriptorMatch> match_all(const std::vector<Descriptor>& first,
                                               const std::vector<Descriptor>& second,
                                               const MatchLimits& limits) {
-  std::vector<int> back(second.size(), -1), back_distance(second.size(), 257);
+  std::vector<NearestDescriptor> back(second.size());
   std::vector<DescriptorMatch> forward;
   for (std::size_t i = 0; i < first.size(); ++i) {
-    int best = -1, best_distance = 257, second_distance = 257;
+    NearestDescriptor nearest;
     for (std::size_t k = 0; k < second.size(); ++k) {
       const int distance = hamming_distance(first[i], second[k]);
-      if (distance < best_distance)
-        second_distance = best_distance, best_distance = distance, best = static_cast<int>(k);
-      else if (distance < second_distance)
-        second_distance = distance;
-      if (distance < back_distance[k]) back_distance[k] = distance, back[k] = static_cast<int>(i);
+      nearest.try_one(static_cast<int>(k), distance);
+      back[k].try_one(static_cast<int>(i), distance);
     }
-    if (best >= 0 && best_distance <= limits.max_distance &&
-        best_distance <= limits.ratio * second_distance)
-      forward.push_back({static_cast<int>(i), best, best_distance});
+    if (nearest.within(limits)) forward.push_back({static_cast<int>(i), nearest.index});
   }
-  std::vector<DescriptorMatch> mutual;
-  for (const DescriptorMatch& m : forward)
-    if (back[static_cast<std::size_t>(m.second)] == m.first) mutual.push_back(m);
-  return mutual;
+  const auto one_way = [&](const DescriptorMatch& m) {
+    return back[static_cast<std::size_t>(m.second)].index != m.first;
+  };
+  forward.erase(std::remove_if(forward.begin(), forward.end(), one_way), forward.end());
+  return forward;
 }
 
 /// Distance range over which a point, seen at `distance_m` on `octave`, stays in the pyramid.

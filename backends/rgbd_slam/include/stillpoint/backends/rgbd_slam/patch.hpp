@@ -25,7 +25,7 @@ struct Patch {
   static constexpr int kSide = 16;
   /// Grey values, row by row; the point lies in the middle, at (7.5, 7.5).
   std::array<std::uint8_t, kSide * kSide> gray{};
-  /// The camera that saw it: turns from world to camera, the point's depth in it, and pixels of
+  /// The camera that saw it: rotation from world to camera, the point's depth in it, and pixels of
   /// level 0 in one of the patch. Depth 0: there is no patch.
   Eigen::Matrix3f R_camera_world = Eigen::Matrix3f::Identity();
   float depth_m = 0, scale = 1;
@@ -59,7 +59,7 @@ inline Patch cut_patch(const ImagePyramid& pyramid, const Camera& camera,
 /// Lays a point's patch onto an image near an undistorted pixel and returns the place where it
 /// fits.
 ///
-/// The patch, taken as parallel to its own image plane, is turned and scaled as the pose says;
+/// The patch, taken as parallel to its own image plane, is rotated and scaled as the pose says;
 /// then place and brightness are fitted (inverse compositional Gauss-Newton on 8 x 8 pixels of the
 /// level). No value: it does not fit, or more than two pixels of the level away. Takes about 3 us.
 inline std::optional<Eigen::Vector2d> align_patch(const ImagePyramid& pyramid, const Camera& camera,

@@ -45,13 +45,19 @@ struct NoiseModel {
   }
 };
 
+/// The matrix whose product with a vector is the cross product of both.
+inline Eigen::Matrix3d cross_matrix(const Eigen::Vector3d& v) {
+  Eigen::Matrix3d m;
+  m << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
+  return m;
+}
+
 /// Exponential of a twist (translation, rotation).
 inline Eigen::Isometry3d se3_exp(const Eigen::Matrix<double, 6, 1>& x) {
   const Eigen::Vector3d w = x.tail<3>();
   const double angle = w.norm();
   Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
-  Eigen::Matrix3d W;
-  W << 0, -w.z(), w.y(), w.z(), 0, -w.x(), -w.y(), w.x(), 0;
+  const Eigen::Matrix3d W = cross_matrix(w);
   double a = 0.5, b = 1.0 / 6;
   if (angle > 1e-8) {
     a = (1 - std::cos(angle)) / (angle * angle);
@@ -67,27 +73,101 @@ inline Eigen::Isometry3d se3_exp(const Eigen::Matrix<double, 6, 1>& x) {
 /// Errors at 95 % of a chi-square distribution: of a pixel (two numbers) and of a depth (one).
 inline constexpr double kPixelChi2 = 5.991, kDepthChi2 = 3.841;
 
-/// How far an observation is from a pose. `p`: in camera coordinates; the others only if `front`.
-struct PoseErrors {
-  double pixel_chi2, depth_chi2;
-  Eigen::Vector2d pixel;
-  double depth;
-  Eigen::Vector3d p;
-  bool front;
-};
+/// Observations of one camera, and how far they are from a pose.
+class PoseResiduals {
+ public:
+  using Vector6 = Eigen::Matrix<double, 6, 1>;
+  using Matrix6 = Eigen::Matrix<double, 6, 6>;
 
-inline PoseErrors pose_errors(const Camera& camera, const NoiseModel& noise,
-                              const PoseObservation& o, const Eigen::Isometry3d& T_camera_world) {
-  PoseErrors e;
-  e.p = T_camera_world * o.point;
-  e.front = e.p.z() > 0.05;
-  if (!e.front) return e;
-  e.pixel = camera.project(e.p) - o.pixel;
-  e.pixel_chi2 = e.pixel.squaredNorm() / (o.sigma_px * o.sigma_px);
-  e.depth = o.inverse_depth > 0 ? 1 / e.p.z() - o.inverse_depth : 0;
-  e.depth_chi2 = e.depth * e.depth / noise.sensor.inverse_depth_variance(o.inverse_depth);
-  return e;
-}
+  PoseResiduals(const Camera& camera, const NoiseModel& noise,
+                std::vector<PoseObservation>& observations)
+      : camera_(camera), noise_(noise), observations_(observations) {}
+
+  /// Sets `inlier` and `depth_inlier` of each: within `gate` times the limits. Returns the number
+  /// of inliers.
+  int select(const Eigen::Isometry3d& T_camera_world, double gate) {
+    int inliers = 0;
+    for (PoseObservation& o : observations_) {
+      const Errors e = errors_of(o, T_camera_world);
+      o.inlier = e.front && e.pixel_chi2 <= gate * kPixelChi2;
+      o.depth_inlier = e.front && e.depth_chi2 <= gate * kDepthChi2;
+      // A point whose depth is far off is another point, however well its pixel fits.
+      if (e.front && gate <= 1 && e.depth_chi2 > 9 * kDepthChi2) o.inlier = false;
+      inliers += o.inlier;
+    }
+    return inliers;
+  }
+
+  /// Sum over the inliers, with Huber losses if `robust`.
+  double cost(const Eigen::Isometry3d& T_camera_world, bool robust) const {
+    const auto rho = [&](double chi2, double limit) {
+      return !robust || chi2 <= limit ? chi2 : 2 * std::sqrt(chi2 * limit) - limit;
+    };
+    double sum = 0;
+    for (const PoseObservation& o : observations_) {
+      if (!o.inlier) continue;
+      const Errors e = errors_of(o, T_camera_world);
+      sum += e.front ? rho(e.pixel_chi2, kPixelChi2) : 100 * kPixelChi2;
+      if (e.front && o.depth_inlier) sum += rho(e.depth_chi2, kDepthChi2);
+    }
+    return sum;
+  }
+
+  /// The normal equations H x = -g of a step x (translation, rotation) on the left of the pose.
+  void linearize(const Eigen::Isometry3d& T_camera_world, bool robust, Matrix6& H,
+                 Vector6& g) const {
+    const auto weight = [&](double chi2, double limit) {
+      return !robust || chi2 <= limit ? 1.0 : std::sqrt(limit / chi2);
+    };
+    H.setZero(), g.setZero();
+    for (const PoseObservation& o : observations_) {
+      if (!o.inlier) continue;
+      const Errors e = errors_of(o, T_camera_world);
+      if (!e.front) continue;
+      const double x = e.p.x(), y = e.p.y(), z = e.p.z();
+      const double iz = 1 / z, iz2 = iz * iz, fx = camera_.fx, fy = camera_.fy;
+      Eigen::Matrix<double, 2, 6> J;
+      J << fx * iz, 0, -fx * x * iz2, -fx * x * y * iz2, fx * (1 + x * x * iz2), -fx * y * iz,  //
+          0, fy * iz, -fy * y * iz2, -fy * (1 + y * y * iz2), fy * x * y * iz2, fy * x * iz;
+      const double w = weight(e.pixel_chi2, kPixelChi2) / (o.sigma_px * o.sigma_px);
+      H.noalias() += w * J.transpose() * J;
+      g.noalias() += w * J.transpose() * e.pixel;
+      if (o.inverse_depth <= 0 || !o.depth_inlier) continue;
+      Vector6 d;
+      d << 0, 0, -iz2, -y * iz2, x * iz2, 0;
+      const double wd =
+          weight(e.depth_chi2, kDepthChi2) / noise_.sensor.inverse_depth_variance(o.inverse_depth);
+      H.noalias() += wd * d * d.transpose();
+      g.noalias() += wd * e.depth * d;
+    }
+  }
+
+ private:
+  // `p`: in camera coordinates; the others only if `front`.
+  struct Errors {
+    double pixel_chi2, depth_chi2;
+    Eigen::Vector2d pixel;
+    double depth;
+    Eigen::Vector3d p;
+    bool front;
+  };
+
+  Errors errors_of(const PoseObservation& o, const Eigen::Isometry3d& T_camera_world) const {
+    Errors e;
+    e.p = T_camera_world * o.point;
+    e.front = e.p.z() > 0.05;
+    if (!e.front) return e;
+    e.pixel = camera_.project(e.p) - o.pixel;
+    e.pixel_chi2 = e.pixel.squaredNorm() / (o.sigma_px * o.sigma_px);
+    e.depth = o.inverse_depth > 0 ? 1 / e.p.z() - o.inverse_depth : 0;
+    e.depth_chi2 = e.depth * e.depth / noise_.sensor.inverse_depth_variance(o.inverse_depth);
+    return e;
+  }
+
+  const Camera& camera_;
+  const NoiseModel& noise_;
+  std::vector<PoseObservation>& observations_;
+};
 
 /// Refines T_camera_world on observations with Huber losses on pixel and inverse depth.
 ///
@@ -100,82 +180,27 @@ inline PoseErrors pose_errors(const Camera& camera, const NoiseModel& noise,
 inline int optimize_pose(const Camera& camera, const NoiseModel& noise,
                          std::vector<PoseObservation>& observations,
                          Eigen::Isometry3d& T_camera_world, double start_gate = 0) {
-  using Vector6 = Eigen::Matrix<double, 6, 1>;
-  using Matrix6 = Eigen::Matrix<double, 6, 6>;
-  const auto rho = [](double chi2, double limit) {
-    return chi2 <= limit ? chi2 : 2 * std::sqrt(chi2 * limit) - limit;
-  };
-  const auto weight = [](double chi2, double limit) {
-    return chi2 <= limit ? 1.0 : std::sqrt(limit / chi2);
-  };
-  using Errors = PoseErrors;
-  const auto errors_of = [&](const PoseObservation& o, const Eigen::Isometry3d& T) {
-    return pose_errors(camera, noise, o, T);
-  };
-  const auto total_cost = [&](const Eigen::Isometry3d& T, bool robust) {
-    double cost = 0;
-    for (const PoseObservation& o : observations) {
-      if (!o.inlier) continue;
-      const Errors e = errors_of(o, T);
-      if (!e.front) {
-        cost += 100 * kPixelChi2;
-        continue;
-      }
-      cost += robust ? rho(e.pixel_chi2, kPixelChi2) : e.pixel_chi2;
-      if (o.depth_inlier) cost += robust ? rho(e.depth_chi2, kDepthChi2) : e.depth_chi2;
-    }
-    return cost;
-  };
-
-  for (PoseObservation& o : observations) {
-    o.inlier = o.depth_inlier = true;
-    if (start_gate <= 0) continue;
-    const Errors e = errors_of(o, T_camera_world);
-    o.inlier = e.front && e.pixel_chi2 <= start_gate * kPixelChi2;
-    o.depth_inlier = e.front && e.depth_chi2 <= start_gate * kDepthChi2;
-  }
+  PoseResiduals residuals(camera, noise, observations);
+  PoseResiduals::Matrix6 H;
+  PoseResiduals::Vector6 g;
+  for (PoseObservation& o : observations) o.inlier = o.depth_inlier = true;
+  if (start_gate > 0) residuals.select(T_camera_world, start_gate);
   int inliers = static_cast<int>(observations.size());
   for (int round = 0; round < 4; ++round) {
     const bool robust = round < 3;
     double lambda = 1e-6;
-    double cost = total_cost(T_camera_world, robust);
+    double cost = residuals.cost(T_camera_world, robust);
     for (int iteration = 0; iteration < 10; ++iteration) {
-      Matrix6 H = Matrix6::Zero();
-      Vector6 g = Vector6::Zero();
-      for (const PoseObservation& o : observations) {
-        if (!o.inlier) continue;
-        const Errors e = errors_of(o, T_camera_world);
-        if (!e.front) continue;
-        const double x = e.p.x(), y = e.p.y(), z = e.p.z();
-        const double iz = 1 / z, iz2 = iz * iz;
-        // Rows: d(u), d(v) over (translation, rotation) of a step on the left.
-        Eigen::Matrix<double, 2, 6> J;
-        J << camera.fx * iz, 0, -camera.fx * x * iz2, -camera.fx * x * y * iz2,
-            camera.fx * (1 + x * x * iz2), -camera.fx * y * iz, 0, camera.fy * iz,
-            -camera.fy * y * iz2, -camera.fy * (1 + y * y * iz2), camera.fy * x * y * iz2,
-            camera.fy * x * iz;
-        const double w =
-            (robust ? weight(e.pixel_chi2, kPixelChi2) : 1) / (o.sigma_px * o.sigma_px);
-        H.noalias() += w * J.transpose() * J;
-        g.noalias() += w * J.transpose() * e.pixel;
-        if (o.inverse_depth > 0 && o.depth_inlier) {
-          Vector6 d;
-          d << 0, 0, -iz2, -y * iz2, x * iz2, 0;
-          const double wd = (robust ? weight(e.depth_chi2, kDepthChi2) : 1) /
-                            noise.sensor.inverse_depth_variance(o.inverse_depth);
-          H.noalias() += wd * d * d.transpose();
-          g.noalias() += wd * e.depth * d;
-        }
-      }
+      residuals.linearize(T_camera_world, robust, H, g);
       bool better = false;
       double gain = 0, step = 0;
       for (int trial = 0; trial < 5 && !better; ++trial) {
-        Matrix6 damped = H;
-        damped.diagonal() += lambda * H.diagonal() + Vector6::Constant(1e-9);
-        const Vector6 delta = -damped.ldlt().solve(g);
+        PoseResiduals::Matrix6 damped = H;
+        damped.diagonal() += lambda * H.diagonal() + PoseResiduals::Vector6::Constant(1e-9);
+        const PoseResiduals::Vector6 delta = -damped.ldlt().solve(g);
         if (!delta.allFinite()) return 0;
         const Eigen::Isometry3d T = se3_exp(delta) * T_camera_world;
-        const double next = total_cost(T, robust);
+        const double next = residuals.cost(T, robust);
         better = next <= cost;
         if (better) {
           gain = cost - next, step = delta.norm();
@@ -186,15 +211,7 @@ inline int optimize_pose(const Camera& camera, const NoiseModel& noise,
       }
       if (!better || gain < 1e-4 * cost || step < 1e-7) break;
     }
-    inliers = 0;
-    for (PoseObservation& o : observations) {
-      const Errors e = errors_of(o, T_camera_world);
-      o.inlier = e.front && e.pixel_chi2 <= kPixelChi2;
-      o.depth_inlier = e.front && e.depth_chi2 <= kDepthChi2;
-      // A point whose depth is far off is another point, however well its pixel fits.
-      if (e.front && e.depth_chi2 > 9 * kDepthChi2) o.inlier = false;
-      inliers += o.inlier;
-    }
+    inliers = residuals.select(T_camera_world, 1);
     if (inliers < 6) break;
   }
   // Many products of rotations: keep the matrix orthonormal.

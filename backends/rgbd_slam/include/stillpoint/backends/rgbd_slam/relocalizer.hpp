@@ -25,17 +25,11 @@ inline std::vector<Descriptor> place_descriptors(const Keyframe& keyframe) {
 /// Matches a frame with the points around a keyframe without any guess, and finds its pose there
 /// (PnP in RANSAC, then guided matching). Leaves pose and matches in `f`, whose old matches are
 /// dropped. Returns the number of matches that agree, 0 for failure. Costs about 10 ms.
-inline int find_pose_at_place(const Optics& optics, const Map& map, KeyframeId place,
+inline int find_pose_at_place(const CameraModel& model, const Map& map, KeyframeId place,
                               int min_inliers, TrackedFrame& f) {
-  std::vector<PointId> seen;
-  for (const PointId id : map.keyframe(place)->points)
-    if (id != kNone) seen.push_back(id);
-  std::vector<PointId> ids = seen;
-  for (const KeyframeId n : map.neighbors(place, 4))
-    for (const PointId id : map.keyframe(n)->points)
-      if (id != kNone) ids.push_back(id);
-  std::sort(ids.begin(), ids.end());
-  ids.erase(std::unique(ids.begin(), ids.end()), ids.end());
+  std::vector<KeyframeId> around = map.neighbors(place, 4);
+  around.push_back(place);
+  const std::vector<PointId> ids = map.points_of(around);
   std::vector<Descriptor> known;
   known.reserve(ids.size());
   for (const PointId id : ids) known.push_back(map.point(id)->descriptor);
@@ -45,12 +39,12 @@ inline int find_pose_at_place(const Optics& optics, const Map& map, KeyframeId p
   for (const DescriptorMatch& m : match_all(f.frame.descriptors, known, {60, 0.9})) {
     const PointId id = ids[static_cast<std::size_t>(m.second)];
     observations.push_back(
-        pose_observation(optics, f.frame.keypoints[static_cast<std::size_t>(m.first)],
+        pose_observation(model, f.frame.keypoints[static_cast<std::size_t>(m.first)],
                          static_cast<std::size_t>(m.first), map.point(id)->position));
     matched.push_back(id);
   }
   const auto T =
-      solve_pnp_ransac(optics.camera, optics.noise, observations, std::max(8, min_inliers / 2));
+      solve_pnp_ransac(model.camera, model.noise, observations, std::max(8, min_inliers / 2));
   if (!T) return 0;
   f.T_camera_world = *T;
   f.points.assign(f.frame.size(), kNone);
@@ -58,11 +52,11 @@ inline int find_pose_at_place(const Optics& optics, const Map& map, KeyframeId p
     if (observations[i].inlier)
       f.points[static_cast<std::size_t>(observations[i].index)] = matched[i];
   int inliers = 0;
-  const LocalMap local = gather_local_map(map, seen, 20);
+  const LocalMap local = gather_local_map(map, map.keyframe(place)->points, 20);
   for (const double radius_px : {10.0, 4.0}) {
     f.points.assign(f.frame.size(), kNone);
-    match_projections(optics, map, local.points, radius_px, MatchLimits(), f);
-    inliers = refine_pose(optics, map, f);
+    match_projections(model, map, local.points, radius_px, f);
+    inliers = refine_pose(model, map, f);
     if (inliers < min_inliers) return 0;
   }
   return inliers;
@@ -70,14 +64,14 @@ inline int find_pose_at_place(const Optics& optics, const Map& map, KeyframeId p
 
 /// Finds the frame's pose anywhere in the map. Returns the number of agreeing matches, 0 for
 /// failure. Costs up to five times find_pose_at_place().
-inline int relocalize(const Optics& optics, const Map& map, const PlaceIndex& index,
+inline int relocalize(const CameraModel& model, const Map& map, const PlaceIndex& index,
                       int min_inliers, TrackedFrame& f) {
   int tried = 0;
   for (const PlaceIndex::Vote& vote : index.query(f.frame.descriptors)) {
     if (vote.votes < 8 || tried == 5) break;
     if (!map.keyframe(vote.place)) continue;
     ++tried;
-    if (const int inliers = find_pose_at_place(optics, map, vote.place, min_inliers, f))
+    if (const int inliers = find_pose_at_place(model, map, vote.place, min_inliers, f))
       return inliers;
   }
   return 0;

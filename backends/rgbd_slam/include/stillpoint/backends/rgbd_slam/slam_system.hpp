@@ -13,7 +13,6 @@
 #include <utility>
 #include <vector>
 
-#include "stillpoint/backends/rgbd_slam/fair_mutex.hpp"
 #include "stillpoint/backends/rgbd_slam/features.hpp"
 #include "stillpoint/backends/rgbd_slam/image_pyramid.hpp"
 #include "stillpoint/backends/rgbd_slam/local_mapping.hpp"
@@ -21,8 +20,8 @@
 #include "stillpoint/backends/rgbd_slam/map.hpp"
 #include "stillpoint/backends/rgbd_slam/map_tracking.hpp"
 #include "stillpoint/backends/rgbd_slam/place_index.hpp"
+#include "stillpoint/backends/rgbd_slam/threads.hpp"
 #include "stillpoint/backends/rgbd_slam/tracker_input.hpp"
-#include "stillpoint/backends/rgbd_slam/worker.hpp"
 #include "stillpoint/core/error.hpp"
 #include "stillpoint/tracking/tracker.hpp"
 
@@ -32,8 +31,8 @@ namespace stillpoint::rgbd_slam {
 ///
 /// Two modes: deterministic (the default: each keyframe is worked in before track() returns; the
 /// same input gives the same trajectory), and threaded (local mapping and loop closing in their own
-/// threads, track() stays fast). The world is the first tracked camera; if it turns out later that
-/// the first frames went with people whom no mask covered, trajectory() mends these (StartReview).
+/// threads, track() stays fast). The world is the first tracked camera; poses of the first
+/// frames that followed people whom no mask covered are corrected later (StartReview).
 /// A frame that is lost has no pose; after relocalisation the trajectory goes on in the same frame
 /// of reference. Call it from one thread. Settings::odometry() makes a visual odometry of it.
 ///
@@ -51,15 +50,18 @@ class SlamSystem final : public Tracker {
     MapTracking::Settings tracking;
     LocalMapping::Settings mapping;
     LoopClosing::Settings loops;
-    /// Old poses become better as the map does: see StartReview, FrameRecord::settle(), finish().
+    /// Old poses become better as the map does: with keyframes that are adjusted, by StartReview,
+    /// FrameRecord::settle() and finish().
     bool revise_poses = true;
     /// Mapping and loop closing in threads of their own.
     bool threaded = false;
 
-    /// Visual odometry: no bundle adjustment, no loops, and what track() has returned stays.
+    /// Visual odometry: few keyframes are adjusted at once, no loops are closed, and what track()
+    /// has returned stays.
     static Settings odometry() {
       Settings settings;
-      settings.mapping.bundle_keyframes = 0;
+      settings.tracking.keyframe_ratio = 0.7;
+      settings.mapping.bundle_keyframes = 3;
       settings.loops.enabled = false;
       settings.revise_poses = false;
       return settings;
@@ -74,10 +76,10 @@ class SlamSystem final : public Tracker {
       : settings_(settings), extractor_(std::move(extractor)) {
     check_camera("SlamSystem", camera);
     if (!extractor_) extractor_ = std::make_unique<OrbExtractor>(settings.features);
-    optics_ = {camera, settings.noise, extractor_->levels(), extractor_->scale_factor()};
-    tracking_ = std::make_unique<MapTracking>(optics_, settings.tracking);
-    mapping_ = std::make_unique<LocalMapping>(optics_, settings.mapping);
-    loops_ = std::make_unique<LoopClosing>(optics_, settings.loops);
+    model_ = {camera, settings.noise, extractor_->levels(), extractor_->scale_factor()};
+    tracking_ = std::make_unique<MapTracking>(model_, settings.tracking);
+    mapping_ = std::make_unique<LocalMapping>(model_, settings.mapping);
+    loops_ = std::make_unique<LoopClosing>(model_, settings.loops);
     if (!settings.threaded) return;
     loop_worker_ = std::make_unique<Worker>([this](int id) { close_loops(id); });
     mapping_worker_ = std::make_unique<Worker>([this](int id) {
@@ -93,7 +95,7 @@ class SlamSystem final : public Tracker {
     copy_gray(frame, gray_);
     try {
       extractor_->extract(gray_, mask.image, features_);
-      check_features("SlamSystem::extract", features_, optics_.levels);
+      check_features("SlamSystem::extract", features_, model_.levels);
     } catch (...) {
       features_ = Features();  // nothing that a track() could take
       throw;
@@ -105,9 +107,9 @@ class SlamSystem final : public Tracker {
                                          const Selection& selection) override {
     rethrow();
     check_track("SlamSystem", frame, gray_.size(), selection, features_);
-    KeypointFrame keypoints(frame, optics_.camera, features_, selection.kept, optics_.scale_factor,
+    KeypointFrame keypoints(frame, model_.camera, features_, selection.kept, model_.scale_factor,
                             settings_.depth);
-    pyramid_.build(gray_, optics_.levels, optics_.scale_factor);
+    pyramid_.build(gray_, model_.levels, model_.scale_factor);
     const bool busy = mapping_worker_ && !mapping_worker_->idle();
     std::optional<Eigen::Isometry3d> pose;
     KeyframeId made = kNone;
@@ -132,20 +134,23 @@ class SlamSystem final : public Tracker {
     return pose;
   }
 
-  std::optional<Eigen::Isometry3d> predicted_motion() const override { return tracking_->motion(); }
+  std::optional<Eigen::Isometry3d> predicted_motion() const override {
+    return tracking_->history().motion();
+  }
 
   Trajectory trajectory() const override {
     const std::lock_guard<FairMutex> guard(map_mutex_);
-    return tracking_->trajectory(map_);
+    const PoseHistory& history = tracking_->history();
+    return settings_.revise_poses ? history.trajectory(map_) : history.as_tracked();
   }
 
   /// Poses of the keyframes that are in the map now.
   Trajectory keyframe_trajectory() const {
     const std::lock_guard<FairMutex> guard(map_mutex_);
     Trajectory trajectory;
-    for (int i = 0; i < map_.keyframe_end(); ++i)
-      if (const Keyframe* k = map_.keyframe(i))
-        trajectory.push_back({k->timestamp(), k->T_camera_world.inverse()});
+    for (const KeyframeId id : map_.keyframe_ids())
+      trajectory.push_back(
+          {map_.keyframe(id)->timestamp(), map_.keyframe(id)->T_camera_world.inverse()});
     return trajectory;
   }
 
@@ -158,7 +163,7 @@ class SlamSystem final : public Tracker {
     if (!settings_.revise_poses) return;
     if (adjusted_to_ != map_.keyframe_end()) loops_->adjust_all(map_, mapping_mutex_, map_mutex_);
     adjusted_to_ = map_.keyframe_end();
-    tracking_->settle(map_, map_mutex_, true);
+    tracking_->history().settle(model_, map_, map_mutex_, true);
   }
 
   const MapTracking::Stats& stats() const { return tracking_->stats(); }
@@ -176,8 +181,7 @@ class SlamSystem final : public Tracker {
     const std::lock_guard<FairMutex> guard(map_mutex_);
     std::vector<Eigen::Vector3d> positions;
     positions.reserve(map_.point_count());
-    for (int i = 0; i < map_.point_end(); ++i)
-      if (const MapPoint* p = map_.point(i)) positions.push_back(p->position);
+    for (const PointId id : map_.point_ids()) positions.push_back(map_.point(id)->position);
     return positions;
   }
 
@@ -191,8 +195,8 @@ class SlamSystem final : public Tracker {
     name_errors("local mapping", id, [&] {
       mapping_->process(map_, map_mutex_, index_, id, hurry);
       if (!settings_.revise_poses) return;
-      tracking_->review_start(map_, map_mutex_);
-      tracking_->settle(map_, map_mutex_);
+      tracking_->history().review_start(model_, map_, map_mutex_);
+      tracking_->history().settle(model_, map_, map_mutex_);
     });
   }
 
@@ -248,7 +252,7 @@ class SlamSystem final : public Tracker {
   }
 
   Settings settings_;
-  Optics optics_;
+  CameraModel model_;
   std::unique_ptr<FeatureExtractor> extractor_;
   cv::Mat gray_;
   ImagePyramid pyramid_;

@@ -11,24 +11,24 @@
 #include <utility>
 #include <vector>
 
-#include "stillpoint/backends/rgbd_slam/fair_mutex.hpp"
 #include "stillpoint/backends/rgbd_slam/frame_record.hpp"
 #include "stillpoint/backends/rgbd_slam/image_pyramid.hpp"
 #include "stillpoint/backends/rgbd_slam/map.hpp"
+#include "stillpoint/backends/rgbd_slam/threads.hpp"
 #include "stillpoint/backends/rgbd_slam/tracked_frame.hpp"
 
 namespace stillpoint::rgbd_slam {
 
-/// Judges the first frames of a map again, once it is settled.
+/// Checks the first frames of a map again, once more of it is known.
 ///
 /// At the start nobody may know yet who moves: where people fill half of the image and no mask
-/// covers them, the first frames go with them, and when the masks come the rest of the way has a
-/// wrong beginning. So the first frames are kept, and tracked anew: those of the first second after
-/// one and a half, those of the first two after three, the last first, by those points only that
-/// keyframes of a while later see, and later than the last frame that was wrong. Where the old pose
-/// loses some of these, the new one takes its place; a keyframe forgets what it had seen from
-/// there. Frames that were right (nearly all) stay as they are. Of a camera faster than 40 Hz not
-/// every frame is kept: those between are put between.
+/// covers them, the first poses follow the people, and the trajectory begins wrong. So the first
+/// frames are kept and tracked again: those of the first second after one and a half, those of the
+/// first two after three; the last one first. Only those points count that keyframes see which are
+/// later by a while, and later than the last frame that was wrong. A pose that loses some of these
+/// points is replaced, and its keyframe forgets what it had seen from there. Right poses (nearly
+/// all) stay as they are. Of a camera faster than 40 Hz not every frame is kept: the poses of those
+/// between are interpolated.
 class StartReview {
  public:
   /// Whether a frame that follows `records` is one of the first.
@@ -54,7 +54,7 @@ class StartReview {
   /// Judges the frames kept, which are the first ones of `records`, if it is time. No other thread
   /// may change the map's keyframes meanwhile, or reset this; `lock`, the map's, is held for one
   /// frame (about 5 ms) at a time.
-  void run(const Optics& optics, Map& map, FairMutex& lock, std::vector<FrameRecord>& records) {
+  void run(const CameraModel& model, Map& map, FairMutex& lock, std::vector<FrameRecord>& records) {
     std::size_t judged = 0;
     {
       const std::lock_guard<FairMutex> guard(lock);
@@ -66,26 +66,27 @@ class StartReview {
              records[kept_[judged].record].timestamp() - start_s < kRounds[round_].judged_s)
         ++judged;
     }
-    bool mended_next = false;  // the frame kept after this one
+    bool next_corrected = false;  // the frame kept after this one
     for (std::size_t n = judged; n-- > 0;) {
       const std::lock_guard<FairMutex> guard(lock);
       const std::size_t i = kept_[n].record;
       const std::size_t end = n + 1 < kept_.size() ? kept_[n + 1].record : next_record(records, i);
       const double later_s =
           std::max(records[i].timestamp() + kLaterS, records[right_].timestamp());
-      std::optional<TrackedFrame> found = track_again(optics, map, records, i, later_s, kept_[n]);
+      std::optional<TrackedFrame> found = track_again(model, map, records, i, later_s, kept_[n]);
       if (!found) break;  // earlier frames are still farther from what is known
       const KeyframeId later = first_keyframe_after(map, later_s);
-      const bool wrong = !fits(optics, map, *found, records[i].pose(map));
+      const bool wrong = !fits(model, map, *found, records[i].pose(map));
       if (wrong) {
         right_ = std::max(right_, end);
         if (later == kNone) break;
         if (Keyframe* own = keyframe_of(map, records[i].timestamp()))
-          mend(map, *own, *found, records, later);
+          correct(map, *own, *found, records, later);
         records[i] = FrameRecord(map, later, *found);
       }
-      if (later != kNone && (wrong || mended_next)) mend_between(map, records, i, end, later);
-      mended_next = wrong;
+      if (later != kNone && (wrong || next_corrected))
+        interpolate_between(map, records, i, end, later);
+      next_corrected = wrong;
     }
     const std::lock_guard<FairMutex> guard(lock);
     if (++round_ == kRounds.size()) std::vector<Kept>().swap(kept_);
@@ -106,10 +107,10 @@ class StartReview {
   static constexpr std::array<Round, 2> kRounds{{{0.98, 1.45}, {1.98, 2.95}}};
 
   static constexpr int kFewestInliers = 25;
-  // After which a keyframe may speak: the next ones may be wrong in the same way.
+  // How much later a keyframe must be for its points to count: the next ones may be wrong, too.
   static constexpr double kLaterS = 0.34;
-  // Of the points that are found again. Many fit a wrong pose, too: what is far hardly tells a step
-  // from a turn.
+  // Share of the points found again that must fit. Many fit a wrong pose, too: far points hardly
+  // tell a translation from a rotation.
   static constexpr double kFits = 0.93;
 
   struct Kept {
@@ -128,11 +129,10 @@ class StartReview {
     return next;
   }
 
-  // Puts the frames between two that were judged, of which one was mended, on the way between
-  // these. Their own poses do not count: what took the others along comes and goes from frame to
-  // frame.
-  static void mend_between(const Map& map, std::vector<FrameRecord>& records, std::size_t begin,
-                           std::size_t end, KeyframeId later) {
+  // Interpolates the poses between two frames that were checked, of which one was corrected. Their
+  // own poses do not count: what misled the others comes and goes from frame to frame.
+  static void interpolate_between(const Map& map, std::vector<FrameRecord>& records,
+                                  std::size_t begin, std::size_t end, KeyframeId later) {
     const Eigen::Isometry3d from = records[begin].pose(map).inverse();
     const Eigen::Isometry3d to = records[end].pose(map).inverse();
     const double begin_s = records[begin].timestamp(), span_s = records[end].timestamp() - begin_s;
@@ -143,12 +143,12 @@ class StartReview {
                                     .slerp(share, Eigen::Quaterniond(to.linear()))
                                     .toRotationMatrix();
       T_world_camera.translation() = (1 - share) * from.translation() + share * to.translation();
-      records[r].mend(map, later, T_world_camera.inverse());
+      records[r].correct(map, later, T_world_camera.inverse());
     }
   }
 
   // The frame's pose by the points that keyframes after `later_s` see; none if these are too few.
-  static std::optional<TrackedFrame> track_again(const Optics& optics, const Map& map,
+  static std::optional<TrackedFrame> track_again(const CameraModel& model, const Map& map,
                                                  const std::vector<FrameRecord>& records,
                                                  std::size_t i, double later_s, const Kept& kept) {
     const std::vector<PointId> points = points_seen_after(map, later_s);
@@ -161,22 +161,22 @@ class StartReview {
     for (const Eigen::Isometry3d& guess : {records[i].pose(map), next * after.inverse() * next}) {
       TrackedFrame f(kept.frame);
       f.T_camera_world = guess;
-      match_projections(optics, map, points, 15, MatchLimits(), f);
-      const int inliers = refine_pose(optics, map, f);
+      match_projections(model, map, points, 15, f);
+      const int inliers = refine_pose(model, map, f);
       if (inliers > most) most = inliers, best = std::move(f);
     }
     if (most < kFewestInliers) return std::nullopt;
     ImagePyramid pyramid;
-    pyramid.build(kept.gray, optics.levels, optics.scale_factor);
-    match_projections(optics, map, points, 4, MatchLimits(), *best);
-    refine_pose(optics, map, *best);
-    align_matches(optics, map, pyramid, *best);
-    if (refine_pose(optics, map, *best) < kFewestInliers) return std::nullopt;
+    pyramid.build(kept.gray, model.levels, model.scale_factor);
+    match_projections(model, map, points, 4, *best);
+    refine_pose(model, map, *best);
+    align_matches(model, map, pyramid, *best);
+    if (refine_pose(model, map, *best) < kFewestInliers) return std::nullopt;
     return best;
   }
 
   // Whether the matches fit a pose as well.
-  static bool fits(const Optics& optics, const Map& map, const TrackedFrame& f,
+  static bool fits(const CameraModel& model, const Map& map, const TrackedFrame& f,
                    const Eigen::Isometry3d& T_camera_world) {
     int matches = 0, fitting = 0;
     for (std::size_t k = 0; k < f.points.size(); ++k) {
@@ -185,42 +185,40 @@ class StartReview {
       ++matches;
       const Eigen::Vector3d p = T_camera_world * point->position;
       const FrameKeypoint& keypoint = f.frame.keypoints[k];
-      fitting += p.z() > 0.1 && (optics.camera.project(p) - keypoint.pixel()).norm() <
-                                    3 * optics.sigma_px(keypoint);
+      fitting += p.z() > 0.1 &&
+                 (model.camera.project(p) - keypoint.pixel()).norm() < 3 * model.sigma_px(keypoint);
     }
     return fitting >= kFits * matches;
   }
 
   static std::vector<PointId> points_seen_after(const Map& map, double timestamp) {
     std::vector<PointId> points;
-    for (PointId id = 0; id < map.point_end(); ++id) {
-      const MapPoint* p = map.point(id);
-      if (!p) continue;
-      for (const Observation& o : p->observations)
-        if (map.keyframe(o.keyframe)->timestamp() > timestamp) {
-          points.push_back(id);
-          break;
-        }
+    for (const PointId id : map.point_ids()) {
+      const auto& seen = map.point(id)->observations;
+      if (std::any_of(seen.begin(), seen.end(), [&](const Observation& o) {
+            return map.keyframe(o.keyframe)->timestamp() > timestamp;
+          }))
+        points.push_back(id);
     }
     return points;
   }
 
   static KeyframeId first_keyframe_after(const Map& map, double timestamp) {
-    for (KeyframeId id = 0; id < map.keyframe_end(); ++id)
-      if (const Keyframe* k = map.keyframe(id); k && k->timestamp() > timestamp) return id;
+    for (const KeyframeId id : map.keyframe_ids())
+      if (map.keyframe(id)->timestamp() > timestamp) return id;
     return kNone;
   }
 
   static Keyframe* keyframe_of(Map& map, double timestamp) {
-    for (KeyframeId id = 0; id < map.keyframe_end(); ++id)
-      if (Keyframe* k = map.keyframe(id); k && k->timestamp() == timestamp) return k;
+    for (const KeyframeId id : map.keyframe_ids())
+      if (map.keyframe(id)->timestamp() == timestamp) return map.keyframe(id);
     return nullptr;
   }
 
   // Gives a keyframe the pose and the points of `found`; it forgets all others. Frames that are
   // known relative to it stay where they are, relative to keyframe `later`.
-  static void mend(Map& map, Keyframe& keyframe, const TrackedFrame& found,
-                   std::vector<FrameRecord>& records, KeyframeId later) {
+  static void correct(Map& map, Keyframe& keyframe, const TrackedFrame& found,
+                      std::vector<FrameRecord>& records, KeyframeId later) {
     std::vector<Eigen::Isometry3d> poses;
     for (const FrameRecord& r : records) poses.push_back(r.pose(map));
     for (std::size_t k = 0; k < keyframe.points.size(); ++k)
@@ -236,7 +234,7 @@ class StartReview {
     }
     map.update_connections(keyframe.id);
     for (std::size_t r = 0; r < records.size(); ++r)
-      if (!records[r].pose(map).isApprox(poses[r])) records[r].hang_on(map, later, poses[r]);
+      if (!records[r].pose(map).isApprox(poses[r])) records[r].attach_to(map, later, poses[r]);
   }
 
   std::vector<Kept> kept_;

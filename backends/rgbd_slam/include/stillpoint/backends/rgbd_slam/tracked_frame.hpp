@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -17,8 +18,8 @@
 
 namespace stillpoint::rgbd_slam {
 
-/// What every part of the system knows of the camera and its keypoints.
-struct Optics {
+/// The camera, its noise and the pyramid that its keypoints are found in.
+struct CameraModel {
   Camera camera;
   NoiseModel noise;
   int levels = 8;
@@ -29,7 +30,7 @@ struct Optics {
   }
 };
 
-/// A frame on its way: keypoints, the map point that each shows (or kNone), pose.
+/// A frame that is being tracked: keypoints, the map point that each shows (or kNone), pose.
 struct TrackedFrame {
   KeypointFrame frame;
   std::vector<PointId> points;
@@ -44,44 +45,50 @@ struct TrackedFrame {
   }
 };
 
-/// Where a map point should be seen.
-struct Projection {
-  Eigen::Vector2d pixel;
-  int octave;
-};
-
-/// Projects a point into a camera; false when it is not in view: behind, outside of the image,
+/// Projects a point into a camera; no value when it is not in view: behind, outside of the image,
 /// too near or too far for the pyramid, or seen from another side.
-inline bool project(const Optics& optics, const KeypointFrame& frame, const MapPoint& point,
-                    const Eigen::Isometry3d& T_camera_world, Projection& projection) {
+inline std::optional<Projection> project(const CameraModel& model, const KeypointFrame& frame,
+                                         const MapPoint& point,
+                                         const Eigen::Isometry3d& T_camera_world) {
   const Eigen::Vector3d p = T_camera_world * point.position;
-  if (p.z() < 0.1) return false;
-  projection.pixel = optics.camera.project(p);
-  if (!frame.contains(projection.pixel)) return false;
+  if (p.z() < 0.1) return std::nullopt;
+  const Eigen::Vector2d pixel = model.camera.project(p);
+  if (!frame.contains(pixel)) return std::nullopt;
   const double distance = p.norm();
-  projection.octave = point.scale.octave_at(distance, std::log(optics.scale_factor));
-  if (projection.octave < -1 || projection.octave > optics.levels) return false;
-  return (T_camera_world.linear() * point.view_direction).dot(p) > 0.5 * distance;
+  const int octave = point.scale.octave_at(distance, std::log(model.scale_factor));
+  if (octave < -1 || octave > model.levels ||
+      (T_camera_world.linear() * point.view_direction).dot(p) <= 0.5 * distance)
+    return std::nullopt;
+  return Projection{pixel, octave};
+}
+
+/// Whether a keypoint, by its pixel and depth, may show a point at `p` in camera coordinates.
+inline bool agrees(const CameraModel& model, const FrameKeypoint& k, const Eigen::Vector3d& p,
+                   double depth_sigmas) {
+  const double sigma_px = model.noise.sigma_px * k.scale;
+  if (p.z() < 0.1 ||
+      (model.camera.project(p) - k.pixel()).squaredNorm() > kPixelChi2 * sigma_px * sigma_px)
+    return false;
+  return k.depth_m <= 0 || std::abs(1 / p.z() - 1 / k.depth_m) <=
+                               depth_sigmas * model.noise.sigma_inverse_depth(1 / k.depth_m);
 }
 
 /// Matches map points to the frame's free keypoints near their projections. Returns how many were
 /// found; `in_view`, if given, takes the points that should have been seen. O(points).
-inline int match_projections(const Optics& optics, const Map& map,
+inline int match_projections(const CameraModel& model, const Map& map,
                              const std::vector<PointId>& candidates, double radius_px,
-                             const MatchLimits& limits, TrackedFrame& f,
-                             std::vector<PointId>* in_view = nullptr) {
+                             TrackedFrame& f, std::vector<PointId>* in_view = nullptr) {
   int matched = 0;
   std::vector<int> found;
-  Projection projection;
   for (const PointId id : candidates) {
     const MapPoint* point = map.point(id);
-    if (!point || !project(optics, f.frame, *point, f.T_camera_world, projection)) continue;
+    if (!point) continue;
+    const auto projection = project(model, f.frame, *point, f.T_camera_world);
+    if (!projection) continue;
     if (in_view) in_view->push_back(id);
-    const double scale = std::pow(optics.scale_factor, std::clamp(projection.octave, 0, 4));
-    const int k = match_at(
-        f.frame,
-        {projection.pixel, radius_px * scale, projection.octave - 1, projection.octave + 1},
-        point->descriptor, limits, f.points, found);
+    const double scale = std::pow(model.scale_factor, std::clamp(projection->octave, 0, 4));
+    const int k = match_at(f.frame, *projection, radius_px * scale, point->descriptor,
+                           MatchLimits(), f.points, found);
     if (k < 0) continue;
     f.points[static_cast<std::size_t>(k)] = id;
     ++matched;
@@ -90,25 +97,25 @@ inline int match_projections(const Optics& optics, const Map& map,
 }
 
 /// The observation of a keypoint for the pose optimiser.
-inline PoseObservation pose_observation(const Optics& optics, const FrameKeypoint& k,
+inline PoseObservation pose_observation(const CameraModel& model, const FrameKeypoint& k,
                                         std::size_t index, const Eigen::Vector3d& point) {
   PoseObservation o;
   o.point = point;
   o.pixel = k.pixel();
   o.inverse_depth = k.depth_m > 0 ? 1.0 / k.depth_m : 0;
-  o.sigma_px = optics.sigma_px(k);
+  o.sigma_px = model.sigma_px(k);
   o.index = static_cast<int>(index);
   return o;
 }
 
 /// The observations of the frame's matches; forgets those of points that the map no longer has.
-inline std::vector<PoseObservation> pose_observations(const Optics& optics, const Map& map,
+inline std::vector<PoseObservation> pose_observations(const CameraModel& model, const Map& map,
                                                       TrackedFrame& f) {
   std::vector<PoseObservation> observations;
   observations.reserve(f.points.size());
   for (std::size_t i = 0; i < f.points.size(); ++i)
     if (const MapPoint* point = map.point(f.points[i]))
-      observations.push_back(pose_observation(optics, f.frame.keypoints[i], i, point->position));
+      observations.push_back(pose_observation(model, f.frame.keypoints[i], i, point->position));
     else
       f.points[i] = kNone;
   return observations;
@@ -116,25 +123,25 @@ inline std::vector<PoseObservation> pose_observations(const Optics& optics, cons
 
 /// Optimises the frame's pose on its matches and takes back those that do not fit. Returns the
 /// number of the others.
-inline int refine_pose(const Optics& optics, const Map& map, TrackedFrame& f,
+inline int refine_pose(const CameraModel& model, const Map& map, TrackedFrame& f,
                        double start_gate = 0) {
-  std::vector<PoseObservation> observations = pose_observations(optics, map, f);
+  std::vector<PoseObservation> observations = pose_observations(model, map, f);
   if (observations.size() < 6) return 0;
   const int inliers =
-      optimize_pose(optics.camera, optics.noise, observations, f.T_camera_world, start_gate);
+      optimize_pose(model.camera, model.noise, observations, f.T_camera_world, start_gate);
   for (const PoseObservation& o : observations)
     if (!o.inlier) f.points[static_cast<std::size_t>(o.index)] = kNone;
   return inliers;
 }
 
 /// Moves the matched keypoints to where the points' patches fit.
-inline void align_matches(const Optics& optics, const Map& map, const ImagePyramid& pyramid,
+inline void align_matches(const CameraModel& model, const Map& map, const ImagePyramid& pyramid,
                           TrackedFrame& f) {
   for (std::size_t i = 0; i < f.points.size(); ++i) {
     const MapPoint* p = map.point(f.points[i]);
     if (!p) continue;
     FrameKeypoint& k = f.frame.keypoints[i];
-    const auto place = align_patch(pyramid, optics.camera, p->patch, f.T_camera_world, p->position,
+    const auto place = align_patch(pyramid, model.camera, p->patch, f.T_camera_world, p->position,
                                    k.pixel(), k.octave);
     if (!place) continue;
     k.x = static_cast<float>(place->x()), k.y = static_cast<float>(place->y());
