@@ -66,7 +66,7 @@ inline std::optional<Projection> project(const CameraModel& model, const Keypoin
 inline bool agrees(const CameraModel& model, const FrameKeypoint& k, const Eigen::Vector3d& p,
                    double depth_sigmas) {
   const double sigma_px = model.noise.sigma_px * k.scale;
-  if (p.z() < 0.1 ||
+  if (p.z() < 0.2 ||
       (model.camera.project(p) - k.pixel()).squaredNorm() > kPixelChi2 * sigma_px * sigma_px)
     return false;
   return k.depth_m <= 0 || std::abs(1 / p.z() - 1 / k.depth_m) <=
