@@ -56,12 +56,50 @@ inline Patch cut_patch(const ImagePyramid& pyramid, const Camera& camera,
   return patch;
 }
 
+/// How a step in the patch, taken as parallel to its own image plane, shows on a pyramid level. No
+/// value: behind the camera, or much larger or smaller than the patch.
+inline std::optional<Eigen::Matrix2d> patch_warp(const Camera& camera, const Patch& patch,
+                                                 const Eigen::Isometry3d& T_camera_world,
+                                                 const Eigen::Vector3d& point, double level_scale) {
+  const Eigen::Matrix3d R =
+      T_camera_world.linear() * patch.R_camera_world.cast<double>().transpose();
+  const Eigen::Vector3d p = T_camera_world * point;
+  if (p.z() < 0.1) return std::nullopt;
+  // Where a step of five pixels in the patch goes to.
+  const double step = 5.0 * patch.scale * patch.depth_m;
+  const Eigen::Vector2d origin = camera.project(p);
+  Eigen::Matrix2d warp;
+  warp.col(0) = camera.project(p + R.col(0) * (step / camera.fx)) - origin;
+  warp.col(1) = camera.project(p + R.col(1) * (step / camera.fy)) - origin;
+  warp /= 5.0 * level_scale;
+  const double determinant = warp.determinant();
+  if (!(determinant > 0.3 && determinant < 3)) return std::nullopt;
+  return warp;
+}
+
+/// Fills `gray` (Side rows of as many) with the patch as a level shows it; false where the level
+/// shows more than the patch holds. `back`: from the level's pixels to the patch's.
+template <int Side>
+bool warp_patch(const Patch& patch, const Eigen::Matrix2f& back, float (&gray)[Side][Side]) {
+  constexpr float kMiddle = 0.5f * (Side - 1);
+  const cv::Mat seen(Patch::kSide, Patch::kSide, CV_8UC1, const_cast<uchar*>(patch.gray.data()));
+  for (int v = 0; v < Side; ++v)
+    for (int u = 0; u < Side; ++u) {
+      const Eigen::Vector2f q =
+          back * Eigen::Vector2f(static_cast<float>(u) - kMiddle, static_cast<float>(v) - kMiddle);
+      const float x = q.x() + 7.5f, y = q.y() + 7.5f;
+      if (!(x >= 0 && y >= 0 && x < Patch::kSide - 1 && y < Patch::kSide - 1)) return false;
+      gray[v][u] = gray_at(seen, x, y);
+    }
+  return true;
+}
+
 /// Lays a point's patch onto an image near an undistorted pixel and returns the place where it
 /// fits.
 ///
-/// The patch, taken as parallel to its own image plane, is rotated and scaled as the pose says;
-/// then place and brightness are fitted (inverse compositional Gauss-Newton on 8 x 8 pixels of the
-/// level). No value: it does not fit, or more than two pixels of the level away. Takes about 3 us.
+/// The patch is rotated and scaled as the pose says; then place and brightness are fitted (inverse
+/// compositional Gauss-Newton on 8 x 8 pixels of the level). No value: it does not fit, or more
+/// than two pixels of the level away. Takes about 3 us.
 inline std::optional<Eigen::Vector2d> align_patch(const ImagePyramid& pyramid, const Camera& camera,
                                                   const Patch& patch,
                                                   const Eigen::Isometry3d& T_camera_world,
@@ -69,37 +107,9 @@ inline std::optional<Eigen::Vector2d> align_patch(const ImagePyramid& pyramid, c
                                                   const Eigen::Vector2d& pixel, int level) {
   constexpr int kSide = 8, kRim = kSide + 2;
   if (patch.empty() || level < 0 || level >= pyramid.levels()) return std::nullopt;
-  // Where a step of five pixels in the patch goes to in this level.
-  const Eigen::Matrix3d R =
-      T_camera_world.linear() * patch.R_camera_world.cast<double>().transpose();
-  const Eigen::Vector3d p = T_camera_world * point;
-  if (p.z() < 0.1) return std::nullopt;
-  const double step = 5.0 * patch.scale * patch.depth_m;
-  const Eigen::Vector2d origin = camera.project(p);
-  Eigen::Matrix2d warp;
-  warp.col(0) = camera.project(p + R.col(0) * (step / camera.fx)) - origin;
-  warp.col(1) = camera.project(p + R.col(1) * (step / camera.fy)) - origin;
-  warp /= 5.0 * pyramid.scale(level);
-  const double determinant = warp.determinant();
-  if (!(determinant > 0.3 && determinant < 3)) return std::nullopt;
-  const Eigen::Matrix2f back = warp.inverse().cast<float>();
-
-  // The template as this level would show it, with a rim for its slopes.
-  float gray[kRim][kRim];
-  for (int v = 0; v < kRim; ++v)
-    for (int u = 0; u < kRim; ++u) {
-      const Eigen::Vector2f q =
-          back * Eigen::Vector2f(static_cast<float>(u) - 4.5f, static_cast<float>(v) - 4.5f);
-      const float x = q.x() + 7.5f, y = q.y() + 7.5f;
-      if (!(x >= 0 && y >= 0 && x < Patch::kSide - 1 && y < Patch::kSide - 1)) return std::nullopt;
-      const int ix = static_cast<int>(x), iy = static_cast<int>(y);
-      const float a = x - static_cast<float>(ix), b = y - static_cast<float>(iy);
-      const std::uint8_t* g = &patch.gray[static_cast<std::size_t>(iy * Patch::kSide + ix)];
-      const float top = g[0] + a * static_cast<float>(g[1] - g[0]);
-      const float bottom =
-          g[Patch::kSide] + a * static_cast<float>(g[Patch::kSide + 1] - g[Patch::kSide]);
-      gray[v][u] = top + b * (bottom - top);
-    }
+  const auto warp = patch_warp(camera, patch, T_camera_world, point, pyramid.scale(level));
+  float gray[kRim][kRim];  // the template, with a pixel around it for its slopes
+  if (!warp || !warp_patch(patch, warp->inverse().cast<float>(), gray)) return std::nullopt;
   float slope_x[kSide * kSide], slope_y[kSide * kSide], value[kSide * kSide];
   Eigen::Matrix3f H = Eigen::Matrix3f::Zero();
   for (int v = 0, n = 0; v < kSide; ++v)
