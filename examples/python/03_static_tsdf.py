@@ -1,5 +1,10 @@
 # SPDX-License-Identifier: BSD-2-Clause
-"""A mesh of the static scene by Open3D's TSDF: 03_static_tsdf.py SEQUENCE MESH.ply."""
+"""A mesh of the static scene by Open3D's TSDF: 03_static_tsdf.py SEQUENCE MESH.ply [--everybody].
+
+--everybody: without the front end, for comparison. Of a sequence with true masks of people
+(masks_gt/) and true poses it counts the ghosts: vertices where only people ever were.
+"""
+import pathlib
 import sys
 
 import cv2
@@ -7,22 +12,25 @@ import numpy as np
 import open3d as o3d
 import stillpoint
 
-sequence = stillpoint.TumSequence(sys.argv[1])
+everybody = "--everybody" in sys.argv
+folder, mesh_file = [argument for argument in sys.argv[1:] if argument != "--everybody"]
+sequence = stillpoint.TumSequence(folder)
 camera = sequence.camera
-front_end = stillpoint.FrontEnd(camera)
+front_end = None if everybody else stillpoint.FrontEnd(camera)
 slam = stillpoint.SlamSystem(camera)
+masks = {}
+for frame in sequence:
+    if slam.process(frame, front_end) is not None and front_end:
+        masks[frame.timestamp] = front_end.mask
+slam.finish()  # poses are final now
+trajectory = slam.trajectory()
+poses = dict(zip(trajectory.timestamps, trajectory.poses))
+
 volume = o3d.pipelines.integration.ScalableTSDFVolume(
     voxel_length=0.02,
     sdf_trunc=0.08,
     color_type=o3d.pipelines.integration.TSDFVolumeColorType.RGB8,
 )
-masks = {}
-for frame in sequence:
-    if slam.process(frame, front_end) is not None:
-        masks[frame.timestamp] = front_end.mask
-slam.finish()  # poses are final now
-trajectory = slam.trajectory()
-poses = dict(zip(trajectory.timestamps, trajectory.poses))
 height, width = sequence[0].shape
 intrinsic = o3d.camera.PinholeCameraIntrinsic(
     width, height, camera.fx, camera.fy, camera.cx, camera.cy
@@ -31,7 +39,8 @@ for frame in sequence:
     if frame.timestamp not in poses:
         continue
     depth = frame.depth_m()
-    depth[masks[frame.timestamp] > 0] = 0
+    if front_end:
+        depth[masks[frame.timestamp] > 0] = 0
     color = cv2.cvtColor(frame.color, cv2.COLOR_BGR2RGB)
     image = o3d.geometry.RGBDImage.create_from_color_and_depth(
         o3d.geometry.Image(color),
@@ -42,5 +51,16 @@ for frame in sequence:
     )
     # Trap: Open3D wants the inverse, world to camera.
     volume.integrate(image, intrinsic, np.linalg.inv(poses[frame.timestamp]))
-o3d.io.write_triangle_mesh(sys.argv[2], volume.extract_triangle_mesh())
-print(f"wrote {sys.argv[2]} from {len(poses)} frames")
+mesh = volume.extract_triangle_mesh()
+o3d.io.write_triangle_mesh(mesh_file, mesh)
+print(f"wrote {mesh_file} from {len(poses)} frames")
+
+true_masks = pathlib.Path(folder, "masks_gt")
+if true_masks.is_dir() and sequence.has_groundtruth:
+    truth = sequence.groundtruth()
+    counter = stillpoint.GhostCounter()
+    for i, k in stillpoint.associate(sequence.timestamps, truth.timestamps):
+        people = cv2.imread(str(true_masks / f"{sequence.stems[i]}.png"), cv2.IMREAD_UNCHANGED)
+        counter.add(sequence[i], camera, people, truth.poses[k])
+    error = stillpoint.ate(truth, trajectory)
+    print("ghosts", counter.count(mesh.vertices, error.T_groundtruth_estimate))

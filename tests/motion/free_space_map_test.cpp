@@ -5,6 +5,7 @@
 
 #include <Eigen/Geometry>
 #include <cstdint>
+#include <limits>
 #include <opencv2/core.hpp>
 #include <vector>
 
@@ -74,6 +75,18 @@ class FreeSpace : public testing::Test {
 
   FreeSpaceMap map_;
 };
+
+// Nothing is free where nobody knows how far beside the cells lie.
+TEST_F(FreeSpace, SaysNothingOfCellsThatMayLieAnywhere) {
+  remember();
+  const DepthCells near = wall(2);
+  for (const float reach :
+       {1e30f, std::numeric_limits<float>::infinity(), std::numeric_limits<float>::quiet_NaN()}) {
+    CellLabels labels;
+    map_.judge(0.1, Eigen::Isometry3d::Identity(), {reach, reach}, near, labels);
+    expect(labels, near, [](int, int) { return CellLabel::kUnknown; });
+  }
+}
 
 TEST_F(FreeSpace, TellsWhatStoodThereFromWhatCame) {
   remember();

@@ -3,12 +3,14 @@
 
 #include "arrays.hpp"
 #include "bindings.hpp"
+#include "calls.hpp"
 #include "frames.hpp"
 #include "selections.hpp"
 #include "settings.hpp"
 #include "stillpoint/evaluation/bonn_ground_truth.hpp"
 #include "stillpoint/evaluation/bootstrap.hpp"
 #include "stillpoint/evaluation/coverage.hpp"
+#include "stillpoint/evaluation/ghost_metrics.hpp"
 #include "stillpoint/evaluation/keypoint_metrics.hpp"
 #include "stillpoint/evaluation/mask_metrics.hpp"
 #include "stillpoint/evaluation/trajectory_error.hpp"
@@ -214,6 +216,61 @@ void bind_masks(py::module_& m) {
       "Counts removed keypoints (positive) against the true mask, (H, W), not 0 = dynamic.");
 }
 
+struct PyGhostCounter {
+  explicit PyGhostCounter(const GhostCounter::Settings& settings) : counter(settings) {}
+  OneAtATime gate{"GhostCounter"};
+  GhostCounter counter;
+};
+
+void bind_ghosts(py::module_& m) {
+  py::class_<GhostCounts>(m, "GhostCounts", "How many points of a map are ghosts of people.")
+      .def_readonly("points", &GhostCounts::points)
+      .def_readonly("ghosts", &GhostCounts::ghosts)
+      .def_property_readonly("share", &GhostCounts::share, "ghosts / points; NaN of nothing.")
+      .def("__repr__", [](const GhostCounts& c) {
+        return text("<GhostCounts: ", c.ghosts, " of ", c.points, " points>");
+      });
+  py::class_<PyGhostCounter>(
+      m, "GhostCounter",
+      "The space where people were and nothing static is: what of a map lies there is a ghost.")
+      .def(py::init([](double cell_m) {
+             GhostCounter::Settings settings;
+             settings.cell_m = cell_m;
+             return std::make_unique<PyGhostCounter>(settings);
+           }),
+           py::arg("cell_m") = GhostCounter::Settings().cell_m)
+      .def(
+          "add",
+          [](PyGhostCounter& g, const py::object& frame, const py::object& camera,
+             const py::object& people, const py::object& T_world_camera) {
+            const OneAtATime::Use use(g.gate);
+            const RgbdFrame given = frame_of(frame, "frame");
+            const Camera taken = camera_of(camera, "GhostCounter.add: camera");
+            const cv::Mat truth = mask_of(people, "people");
+            const Eigen::Isometry3d pose = pose_of(T_world_camera, "T_world_camera");
+            without_gil([&] { g.counter.add(given, taken, truth, pose); });
+          },
+          py::arg("frame"), py::arg("camera"), py::arg("people"), py::arg("T_world_camera"),
+          "Adds a frame with its true mask of people, (H, W), not dilated, and its true pose, 4 x "
+          "4.")
+      .def(
+          "count",
+          [](PyGhostCounter& g, const py::object& points, const py::object& T_truth_map) {
+            const OneAtATime::Use use(g.gate);
+            const py::array_t<double> table = table_of(points, 3, "points");
+            const Eigen::Isometry3d pose = pose_of(T_truth_map, "T_truth_map");
+            const auto xyz = table.unchecked<2>();
+            std::vector<ColoredPoint> of_map(static_cast<std::size_t>(xyz.shape(0)));
+            for (py::ssize_t i = 0; i < xyz.shape(0); ++i)
+              of_map[static_cast<std::size_t>(i)].position =
+                  Eigen::Vector3d(xyz(i, 0), xyz(i, 1), xyz(i, 2)).cast<float>();
+            return without_gil([&] { return g.counter.count(of_map, pose); });
+          },
+          py::arg("points"), py::arg("T_truth_map"),
+          "Counts the ghosts among points (N, 3), metres. T_truth_map, 4 x 4, maps them into the "
+          "world of the true poses (ate().T_groundtruth_estimate).");
+}
+
 }  // namespace
 
 void bind_evaluation(py::module_& m) {
@@ -221,6 +278,7 @@ void bind_evaluation(py::module_& m) {
   bind_rpe(m);
   bind_coverage(m);
   bind_masks(m);
+  bind_ghosts(m);
 }
 
 }  // namespace stillpoint::python

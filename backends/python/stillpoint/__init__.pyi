@@ -66,6 +66,8 @@ from stillpoint._types.evaluation import AteResult as AteResult
 from stillpoint._types.evaluation import BinaryCounts as BinaryCounts
 from stillpoint._types.evaluation import Coverage as Coverage
 from stillpoint._types.evaluation import ErrorStatistics as ErrorStatistics
+from stillpoint._types.evaluation import GhostCounter as GhostCounter
+from stillpoint._types.evaluation import GhostCounts as GhostCounts
 from stillpoint._types.evaluation import MaskMetrics as MaskMetrics
 from stillpoint._types.evaluation import RpeResult as RpeResult
 from stillpoint._types.evaluation import associate as associate

@@ -147,6 +147,27 @@ def test_masks_are_counted():
     assert metrics.pixels.true_positive == 15
 
 
+def test_ghosts_are_counted():
+    camera = stillpoint.Camera(fx=100, fy=100, cx=31.5, cy=23.5, width=64, height=48)
+    depth, people = np.full((48, 64), 3, np.float32), np.zeros((48, 64), np.uint8)
+    depth[10:40, 20:40], people[10:40, 20:40] = 1.5, 255
+    frame = stillpoint.RgbdFrame(np.zeros((48, 64, 3), np.uint8), depth, timestamp=1)
+    counter = stillpoint.GhostCounter(cell_m=0.1)
+    counter.add(frame, camera, people, np.eye(4))
+    moved = np.eye(4)
+    moved[0, 3] = 1
+    points = np.array([[0, 0, 1.5], [0, 0, 3], [-0.9, 0, 3], [5, 0, 1.5]])
+    counts = counter.count(points - [1, 0, 0], moved)
+    assert (counts.points, counts.ghosts, counts.share) == (4, 1, 0.25)
+    assert np.isnan(counter.count(np.empty((0, 3)), np.eye(4)).share)
+    with pytest.raises(stillpoint.Error, match="points"):
+        counter.count(points[:, :2], moved)
+    with pytest.raises(stillpoint.Error, match="people"):
+        counter.add(frame, camera, people[1:], np.eye(4))
+    with pytest.raises(stillpoint.Error, match="cell_m"):
+        stillpoint.GhostCounter(cell_m=0)
+
+
 def test_association_takes_the_nearest_pair_first():
     pairs = stillpoint.associate([0.0, 1.0, 2.0], [0.015, 1.012, 0.99, 5], 0.02)
     assert pairs.tolist() == [[0, 0], [1, 2]] and pairs.dtype == np.int64

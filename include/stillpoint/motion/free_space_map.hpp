@@ -273,10 +273,13 @@ class FreeSpaceMap {
 
   // How far the cells of an image are free if they may lie beside where they are drawn.
   const cv::Mat_<float>& free_space(const DepthKeyView& view, const Eigen::Vector2f& lateral) {
-    const int rx = static_cast<int>(lateral.x()), ry = static_cast<int>(lateral.y());
+    const auto cells = [](int all, float reach) {  // all, if it is not a number
+      return static_cast<int>(std::min(static_cast<float>(all), reach));
+    };
+    const int rx = cells(view.free_to_m.cols, lateral.x());
+    const int ry = cells(view.free_to_m.rows, lateral.y());
     if (rx <= 0 && ry <= 0) return view.free_to_m;
-    const cv::Size window(2 * std::min(rx, view.free_to_m.cols) + 1,
-                          2 * std::min(ry, view.free_to_m.rows) + 1);
+    const cv::Size window(2 * rx + 1, 2 * ry + 1);
     cv::erode(view.free_to_m, free_, cv::getStructuringElement(cv::MORPH_RECT, window),
               cv::Point(-1, -1), 1, cv::BORDER_CONSTANT, 0);
     return free_;

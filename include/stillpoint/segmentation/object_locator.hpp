@@ -131,7 +131,10 @@ class ObjectLocator {
     std::uint16_t lo, span;
   };
 
-  static int round(float v) { return static_cast<int>(std::floor(v + 0.5f)); }
+  // Predictions may lie anywhere.
+  static int round(float v) {
+    return static_cast<int>(std::floor(std::min(1e6f, std::max(-1e6f, v)) + 0.5f));
+  }
   static float tolerance(float z) { return 0.15f + 0.03f * z; }
 
   static bool covers(const Instance& s, int x, int y) {

@@ -5,7 +5,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from stillpoint._types.arrays import Floats, Keypoints, Mask
-from stillpoint._types.frames import Trajectory
+from stillpoint._types.frames import Camera, RgbdFrame, Trajectory
 from stillpoint._types.front_end import Selection
 from stillpoint._types.settings import RpeSettings
 
@@ -97,6 +97,21 @@ class MaskMetrics:
     def mean_precision(self) -> float: ...
     @property
     def frames(self) -> int: ...
+
+class GhostCounts:
+    @property
+    def points(self) -> int: ...
+    @property
+    def ghosts(self) -> int: ...
+    @property
+    def share(self) -> float: ...
+
+class GhostCounter:
+    def __init__(self, cell_m: float = 0.05) -> None: ...
+    def add(
+        self, frame: RgbdFrame, camera: Camera, people: Mask, T_world_camera: ArrayLike
+    ) -> None: ...
+    def count(self, points: ArrayLike, T_truth_map: ArrayLike) -> GhostCounts: ...
 
 def ate(
     groundtruth: Trajectory,
