@@ -43,7 +43,7 @@ BENCHMARK_CAPTURE(BM_SegmentationCompensator, paper / no_result, Settings::paper
     ->Unit(benchmark::kMicrosecond);
 
 void by_pixels(benchmark::State& state, const Settings& settings) {
-  const cv::Size size = picture_sizes()[static_cast<std::size_t>(state.range(0))];
+  const cv::Size size = image_sizes()[static_cast<std::size_t>(state.range(0))];
   run(state, settings, scaled_scene(size), true);
   state.SetComplexityN(size.area());
   state.counters["pixels"] = size.area();
@@ -60,7 +60,7 @@ const bool registered = [] {
         std::string("BM_SegmentationCompensator/") + (paper ? "paper" : "default");
     const Settings settings = paper ? Settings::paper() : Settings();
     auto* pixels = benchmark::RegisterBenchmark((name + "/by_pixels").c_str(), by_pixels, settings);
-    for (std::size_t i = 0; i < picture_sizes().size(); ++i)
+    for (std::size_t i = 0; i < image_sizes().size(); ++i)
       pixels->Arg(static_cast<std::int64_t>(i));
     auto* people = benchmark::RegisterBenchmark((name + "/by_people").c_str(), by_people, settings);
     for (const int n : people_counts()) people->Arg(n);

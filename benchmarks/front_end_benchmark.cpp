@@ -86,7 +86,7 @@ BENCHMARK(BM_Objects)->UseManualTime()->Iterations(300)->Unit(benchmark::kMicros
 // --- how cost grows ---------------------------------------------------------------------------
 
 void by_pixels(benchmark::State& state, const FrontEndSettings& settings) {
-  const Scene scene = scaled_scene(picture_sizes()[static_cast<std::size_t>(state.range(0))]);
+  const Scene scene = scaled_scene(image_sizes()[static_cast<std::size_t>(state.range(0))]);
   run(state, settings, scene);
   state.SetComplexityN(scene.frames[0].color.size().area());
   state.counters["pixels"] = scene.frames[0].color.size().area();
@@ -111,7 +111,7 @@ const bool registered = [] {
     const std::string name = std::string("BM_FrontEnd/") + (paper ? "paper" : "default");
     const FrontEndSettings settings = paper ? FrontEndSettings::paper() : FrontEndSettings();
     auto* pixels = benchmark::RegisterBenchmark((name + "/by_pixels").c_str(), by_pixels, settings);
-    for (std::size_t i = 0; i < picture_sizes().size(); ++i)
+    for (std::size_t i = 0; i < image_sizes().size(); ++i)
       pixels->Arg(static_cast<std::int64_t>(i));
     auto* keypoints =
         benchmark::RegisterBenchmark((name + "/by_keypoints").c_str(), by_keypoints, settings);

@@ -30,7 +30,7 @@ void BM_MotionCheck_default(benchmark::State& state) { run(state, rendered_scene
 BENCHMARK(BM_MotionCheck_default)->Name("BM_MotionCheck/default")->Unit(benchmark::kMicrosecond);
 
 void by_pixels(benchmark::State& state) {
-  const Scene scene = scaled_scene(picture_sizes()[static_cast<std::size_t>(state.range(0))]);
+  const Scene scene = scaled_scene(image_sizes()[static_cast<std::size_t>(state.range(0))]);
   run(state, scene);
   state.SetComplexityN(scene.frames[0].color.size().area());
 }

@@ -227,7 +227,7 @@ inline Scene crowd_scene(int people) {
 }
 
 /// Sizes of image over which cost in pixels is shown.
-inline const std::vector<cv::Size>& picture_sizes() {
+inline const std::vector<cv::Size>& image_sizes() {
   static const std::vector<cv::Size> sizes{{320, 240}, {640, 480}, {1280, 960}, {1920, 1080}};
   return sizes;
 }

@@ -7,8 +7,8 @@
 
 #include <iostream>
 #include <opencv2/features2d.hpp>
+#include <stillpoint/io/image_file.hpp>
 #include <stillpoint/io/mask_folder.hpp>
-#include <stillpoint/io/picture_file.hpp>
 #include <stillpoint/keypoints/probabilistic_keypoint_filter.hpp>
 
 // A keypoint as your system may have it.

@@ -29,7 +29,7 @@ RgbdFrame frame_at(double timestamp) {
 void write_mask(const TemporaryFolder& folder, const std::string& stem, int value) {
   cv::Mat labels = cv::Mat::zeros(kSize, CV_8UC1);
   labels(cv::Rect(3, 4, 10, 12)) = value;
-  stillpoint::write_picture(folder / (stem + ".png"), labels);
+  stillpoint::write_image(folder / (stem + ".png"), labels);
 }
 
 const std::vector<FrameName> kFrames{
@@ -87,7 +87,7 @@ TEST(MaskFiles, SplitsZeroAnd255AndObeysItsSettings) {
   cv::Mat labels = stillpoint::read_labels(folder / "a.png", kSize);
   labels(cv::Rect(25, 5, 8, 8)) = 255;
   labels(cv::Rect(35, 25, 3, 3)) = 255;
-  stillpoint::write_picture(folder / "a.png", labels);
+  stillpoint::write_image(folder / "a.png", labels);
   MaskFilesSegmenter segmenter(folder.path(), kFrames);
   EXPECT_EQ(segmenter.segment(frame_at(kFrames[0].timestamp)).instances.size(), 2u);
   MaskFilesSegmenter::Settings settings;
@@ -122,11 +122,11 @@ TEST(MaskFiles, BadMasksAreErrorsThatNameTheFile) {
   MaskFilesSegmenter segmenter(folder.path(), kFrames);
   const auto segment = [&] { segmenter.segment(frame_at(kFrames[0].timestamp)); };
   const auto path = folder / "a.png";
-  stillpoint::write_picture(path, cv::Mat::zeros(kSize, CV_8UC3));
+  stillpoint::write_image(path, cv::Mat::zeros(kSize, CV_8UC3));
   EXPECT_ERROR(segment(), "a.png", "CV_8UC1", "found CV_8UC3", "save it");
-  stillpoint::write_picture(path, cv::Mat::zeros(kSize, CV_16UC1));
+  stillpoint::write_image(path, cv::Mat::zeros(kSize, CV_16UC1));
   EXPECT_ERROR(segment(), "a.png", "found CV_16UC1", "save it");
-  stillpoint::write_picture(path, cv::Mat::zeros(15, 20, CV_8UC1));
+  stillpoint::write_image(path, cv::Mat::zeros(15, 20, CV_8UC1));
   EXPECT_ERROR(segment(), "a.png", "40x30", "found 20x15", "resize");
   folder.write("a.png", stillpoint::read_file(path, "mask").substr(0, 50));
   EXPECT_ERROR(segment(), "a.png", "truncated");
@@ -167,7 +167,7 @@ struct MakeMaskFiles {
       cv::Mat labels = cv::Mat::zeros(480, 640, CV_8UC1);
       labels(cv::Rect(10 * i, 40, 100, 300)) = 1;
       labels(cv::Rect(400, 5 * i, 60, 300)) = 2;
-      write_picture(folder / (std::to_string(i) + ".png"), labels);
+      write_image(folder / (std::to_string(i) + ".png"), labels);
     }
     return std::make_unique<MaskFilesSegmenter>(folder.path(), names);
   }

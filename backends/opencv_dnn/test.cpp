@@ -11,7 +11,7 @@
 #include <stillpoint/backends/opencv_dnn/segmenter.hpp>
 #include <stillpoint/evaluation/mask_metrics.hpp>
 #include <stillpoint/front_end.hpp>
-#include <stillpoint/io/picture_file.hpp>
+#include <stillpoint/io/image_file.hpp>
 #include <stillpoint/testing/segmenter_conformance.hpp>
 
 #include "../../tests/io/temporary_folder.hpp"

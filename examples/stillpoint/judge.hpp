@@ -15,10 +15,10 @@ namespace stillpoint::cli {
 /// A tracker looks for keypoints outside the mask only, so its own list does not show what it was
 /// spared. Here the same extractor runs without a mask, and the same filter judges its keypoints:
 /// for measuring and for images, never for tracking.
-class WholePictureJudge {
+class WholeImageJudge {
  public:
   /// `features`: keypoints per image; 0: the extractor's default.
-  WholePictureJudge(const FrontEndSettings& settings, int features)
+  WholeImageJudge(const FrontEndSettings& settings, int features)
       : extractor_(extractor_settings(features)),
         filter_(settings.probability),
         use_probability_(settings.use_probability) {}

@@ -82,10 +82,10 @@ Json write_map(const MapMaker::Result& map, const RunOutputs& outputs) {
   if (!outputs.map_ply.empty()) write_ply(outputs.map_ply, map.points);
   if (!outputs.map_views_dir.empty()) {
     make_folder(outputs.map_views_dir);
-    write_picture(outputs.map_views_dir / "behind.jpg",
-                  draw_map(map.points, MapViewpoint::kBehind, {640, 480}));
-    write_picture(outputs.map_views_dir / "above.jpg",
-                  draw_map(map.points, MapViewpoint::kAbove, {640, 480}));
+    write_image(outputs.map_views_dir / "behind.jpg",
+                draw_map(map.points, MapViewpoint::kBehind, {640, 480}));
+    write_image(outputs.map_views_dir / "above.jpg",
+                draw_map(map.points, MapViewpoint::kAbove, {640, 480}));
   }
   Json stats;
   stats["voxels"] = map.points.size();

@@ -60,7 +60,7 @@ void write_transforms(const fs::path& transforms, const fs::path& out,
 
 void write_whole(const fs::path& file, const cv::Mat& image) {
   const fs::path part = file.parent_path() / (".part" + file.extension().string());
-  write_picture(part, image);
+  write_image(part, image);
   fs::rename(part, file);
 }
 

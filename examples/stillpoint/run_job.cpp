@@ -99,8 +99,8 @@ class Job {
   }
 
   Json run() {
-    if (sequence_.missing_pictures() > 0)
-      say(std::to_string(sequence_.missing_pictures()) +
+    if (sequence_.missing_images() > 0)
+      say(std::to_string(sequence_.missing_images()) +
           " listed images are not on the disk; their frames are left out");
     if (const auto problem = unread_associations(sequence_)) say(*problem);
     reset_peak_memory();
@@ -284,7 +284,7 @@ class Job {
   std::vector<double> truth_times_;
   std::optional<std::pair<Eigen::Vector3d, Eigen::Vector3d>> start_;  // tracked, true
   RunRecorder recorder_;
-  WholePictureJudge judge_;
+  WholeImageJudge judge_;
   FrameWriter writer_;
   WorstFrames worst_;
   MapMaker map_;

@@ -11,9 +11,9 @@
 #include "statistics.hpp"
 #include "stillpoint/core/error.hpp"
 #include "stillpoint/evaluation/stage_timing.hpp"
+#include "stillpoint/io/image_file.hpp"
 #include "stillpoint/io/mask_folder.hpp"
 #include "stillpoint/io/objects_file.hpp"
-#include "stillpoint/io/picture_file.hpp"
 #include "stillpoint/io/text_file.hpp"
 
 namespace stillpoint::cli {
@@ -40,13 +40,13 @@ FrameWriter::FrameWriter(const RunOutputs& outputs, const Camera& camera)
   std::fputs("timestamp,x,y,probability,kept\n", csv_.get());
 }
 
-void FrameWriter::write(const FrameView& view, const std::string& stem, WholePictureJudge& judge) {
+void FrameWriter::write(const FrameView& view, const std::string& stem, WholeImageJudge& judge) {
   const RgbdFrame& frame = view.frame();
   const Selection& selection = view.selection();
   if (!outputs_.masks_dir.empty()) {
     cv::Mat mask = view.mask().image;
     if (mask.empty()) mask = cv::Mat::zeros(frame.color.size(), CV_8UC1);
-    write_picture(mask_path(outputs_.masks_dir, stem), mask);
+    write_image(mask_path(outputs_.masks_dir, stem), mask);
   }
   if (csv_)
     for (std::size_t i = 0; i < selection.size(); ++i) {
@@ -70,8 +70,7 @@ void FrameWriter::write(const FrameView& view, const std::string& stem, WholePic
   }
   cv::Mat overlay = draw_overlay(frame.color, view.mask(), kept, removed, frame.timestamp);
   if (view.uses_front_end()) draw_objects(overlay, view.front_end().objects(), camera_);
-  write_picture(outputs_.overlays_dir / (stem + (outputs_.overlays_jpeg ? ".jpg" : ".png")),
-                overlay);
+  write_image(outputs_.overlays_dir / (stem + (outputs_.overlays_jpeg ? ".jpg" : ".png")), overlay);
 }
 
 void FrameWriter::finish() {
@@ -119,11 +118,11 @@ void WorstFrames::finish() const {
   for (const Frame& f : frames_) {
     char number[16];
     std::snprintf(number, sizeof number, "%02d_", ++place);
-    write_picture(folder_ / (number + f.stem + ".png"), f.picture);
+    write_image(folder_ / (number + f.stem + ".png"), f.picture);
   }
 }
 
-void RunRecorder::add(const FrameView& view, const std::string& stem, WholePictureJudge& judge) {
+void RunRecorder::add(const FrameView& view, const std::string& stem, WholeImageJudge& judge) {
   const RgbdFrame& frame = view.frame();
   Record r;
   r.timestamp = frame.timestamp;

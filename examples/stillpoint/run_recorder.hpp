@@ -23,7 +23,7 @@ namespace stillpoint::cli {
 class FrameWriter {
  public:
   FrameWriter(const RunOutputs& outputs, const Camera& camera);
-  void write(const FrameView& view, const std::string& stem, WholePictureJudge& judge);
+  void write(const FrameView& view, const std::string& stem, WholeImageJudge& judge);
   /// Throws Error if keypoints.csv or the objects could not be written to their end.
   void finish();
 
@@ -66,7 +66,7 @@ class RunRecorder {
   /// `truth_dir`: masks_gt, or empty where there is none.
   explicit RunRecorder(std::filesystem::path truth_dir) : truth_dir_(std::move(truth_dir)) {}
 
-  void add(const FrameView& view, const std::string& stem, WholePictureJudge& judge);
+  void add(const FrameView& view, const std::string& stem, WholeImageJudge& judge);
 
   /// The true mask of the last frame, empty where there is none, and the final one against it.
   const cv::Mat& truth() const { return truth_; }

@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "stillpoint/core/error.hpp"
-#include "stillpoint/io/picture_file.hpp"
+#include "stillpoint/io/image_file.hpp"
 #include "stillpoint/io/text_file.hpp"
 
 namespace stillpoint {
@@ -56,7 +56,7 @@ class FolderWriter {
   }
   void write_image(const char* part, const std::string& name, const cv::Mat& image,
                    const std::vector<int>& parameters) const {
-    write_picture(root_ / part / name, image, parameters);
+    stillpoint::write_image(root_ / part / name, image, parameters);
   }
 
   void make_folders() const {

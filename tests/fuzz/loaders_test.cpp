@@ -92,11 +92,11 @@ struct FuzzLoaders : testing::Test {
     folder.write("camera.yaml", kCamera);
     std::filesystem::create_directories(folder / "rgb");
     std::filesystem::create_directories(folder / "depth");
-    stillpoint::write_picture(folder / "rgb/1.000000.png", pattern(CV_8UC3));
-    stillpoint::write_picture(folder / "rgb/2.000000.jpg", pattern(CV_8UC3));
-    stillpoint::write_picture(folder / "depth/1.01.png", pattern(CV_16UC1));
-    stillpoint::write_picture(folder / "depth/2.01.png", pattern(CV_16UC1));
-    stillpoint::write_picture(folder / "mask.png", pattern(CV_8UC1));
+    stillpoint::write_image(folder / "rgb/1.000000.png", pattern(CV_8UC3));
+    stillpoint::write_image(folder / "rgb/2.000000.jpg", pattern(CV_8UC3));
+    stillpoint::write_image(folder / "depth/1.01.png", pattern(CV_16UC1));
+    stillpoint::write_image(folder / "depth/2.01.png", pattern(CV_16UC1));
+    stillpoint::write_image(folder / "mask.png", pattern(CV_8UC1));
     // libpng and libjpeg tell stderr about each broken image.
     testing::internal::CaptureStderr();
   }

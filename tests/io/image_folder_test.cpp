@@ -11,7 +11,7 @@ using namespace stillpoint;
 
 void image(const TemporaryFolder& folder, const std::string& name, int type = CV_8UC3) {
   std::filesystem::create_directories((folder / name).parent_path());
-  write_picture(folder / name, cv::Mat(6, 8, type, cv::Scalar::all(70)));
+  write_image(folder / name, cv::Mat(6, 8, type, cv::Scalar::all(70)));
 }
 
 TEST(ImageFolder, SortsNumbersInNamesAsNumbers) {

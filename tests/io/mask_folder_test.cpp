@@ -108,13 +108,13 @@ TEST(MaskFolder, RefusesOtherPictures) {
   TemporaryFolder folder;
   const auto read = [&] { stillpoint::read_labels(folder / "m.png", kSize); };
   EXPECT_ERROR(read(), "m.png", "no such file");
-  stillpoint::write_picture(folder / "m.png", cv::Mat::zeros(kSize, CV_8UC3));
+  stillpoint::write_image(folder / "m.png", cv::Mat::zeros(kSize, CV_8UC3));
   EXPECT_ERROR(read(), "m.png", "CV_8UC1", "CV_8UC3", "gray");
-  stillpoint::write_picture(folder / "m.png", cv::Mat::zeros(kSize, CV_8UC4));
+  stillpoint::write_image(folder / "m.png", cv::Mat::zeros(kSize, CV_8UC4));
   EXPECT_ERROR(read(), "CV_8UC4");
-  stillpoint::write_picture(folder / "m.png", cv::Mat::zeros(kSize, CV_16UC1));
+  stillpoint::write_image(folder / "m.png", cv::Mat::zeros(kSize, CV_16UC1));
   EXPECT_ERROR(read(), "CV_16UC1", "8 bits");
-  stillpoint::write_picture(folder / "m.png", cv::Mat::zeros(30, 20, CV_8UC1));
+  stillpoint::write_image(folder / "m.png", cv::Mat::zeros(30, 20, CV_8UC1));
   EXPECT_ERROR(read(), "40x30", "20x30", "resize");
   const std::string bytes = stillpoint::read_file(folder / "m.png", "mask");
   folder.write("m.png", bytes.substr(0, bytes.size() / 2));

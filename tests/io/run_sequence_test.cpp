@@ -20,8 +20,8 @@ struct Recording : TemporaryFolder {
       const std::string name = std::string(n) + ".png";
       color += std::string(n) + " rgb/" + name + "\n";
       depth += std::string(n) + " depth/" + name + "\n";
-      write_picture(path() / "rgb" / name, cv::Mat(24, 32, CV_8UC3, cv::Scalar::all(90)));
-      write_picture(path() / "depth" / name, cv::Mat(24, 32, CV_16UC1, cv::Scalar(10000)));
+      write_image(path() / "rgb" / name, cv::Mat(24, 32, CV_8UC3, cv::Scalar::all(90)));
+      write_image(path() / "depth" / name, cv::Mat(24, 32, CV_16UC1, cv::Scalar(10000)));
     }
     write("rgb.txt", color);
     write("depth.txt", depth);

@@ -10,7 +10,7 @@
 namespace {
 
 using stillpoint::TumSequence;
-using stillpoint::write_picture;
+using stillpoint::write_image;
 
 const char kCamera[] =
     "Camera.fx: 50\nCamera.fy: 50\nCamera.cx: 8\nCamera.cy: 6\nCamera.width: 16\n"
@@ -28,9 +28,9 @@ struct SmallSequence : TemporaryFolder {
     std::filesystem::create_directories(path() / "rgb");
     std::filesystem::create_directories(path() / "depth");
     for (const char* name : {"1.000000.png", "2.000000.jpg", "3.000000.png"})
-      write_picture(path() / "rgb" / name, cv::Mat(12, 16, CV_8UC3, cv::Scalar::all(90)));
+      write_image(path() / "rgb" / name, cv::Mat(12, 16, CV_8UC3, cv::Scalar::all(90)));
     for (const char* name : {"1.004000.png", "2.500000.png", "2.990000.png"})
-      write_picture(path() / "depth" / name, cv::Mat(12, 16, CV_16UC1, cv::Scalar(2000)));
+      write_image(path() / "depth" / name, cv::Mat(12, 16, CV_16UC1, cv::Scalar(2000)));
   }
 };
 
@@ -44,7 +44,7 @@ TEST(TumSequence, PairsNearestTimestampsWithinTheLimit) {
   EXPECT_EQ(sequence.entry(1).stem, "3.000000");
   EXPECT_EQ(sequence.entry(1).depth_path.filename(), "2.990000.png");
   EXPECT_EQ(sequence.without_depth(), 1u);
-  EXPECT_EQ(sequence.missing_pictures(), 0u);
+  EXPECT_EQ(sequence.missing_images(), 0u);
   EXPECT_EQ(sequence.timestamps(), (std::vector<double>{1, 3}));
   EXPECT_FALSE(sequence.camera());
   EXPECT_FALSE(sequence.has_groundtruth());
@@ -115,7 +115,7 @@ TEST(TumSequence, LeavesOutAndCountsMissingPictures) {
   std::filesystem::remove(folder / "rgb/1.000000.png");
   const TumSequence sequence(folder.path());
   ASSERT_EQ(sequence.size(), 1u);
-  EXPECT_EQ(sequence.missing_pictures(), 1u);
+  EXPECT_EQ(sequence.missing_images(), 1u);
   std::filesystem::remove_all(folder / "depth");
   EXPECT_ERROR(TumSequence(folder.path()), "found none of 2 pairs", "1.000000.png");
 }
@@ -156,13 +156,13 @@ TEST(TumSequence, ReadsARepeatedLineOnce) {
 TEST(TumSequence, SaysWhichPictureIsBad) {
   SmallSequence folder;
   const auto load = [&] { TumSequence(folder.path()).load(0); };
-  write_picture(folder / "depth/1.004000.png", cv::Mat(10, 16, CV_16UC1, cv::Scalar(9)));
+  write_image(folder / "depth/1.004000.png", cv::Mat(10, 16, CV_16UC1, cv::Scalar(9)));
   EXPECT_ERROR(load(), "1.004000.png", "16x12", "16x10", "register");
-  write_picture(folder / "depth/1.004000.png", cv::Mat(12, 16, CV_8UC3));
+  write_image(folder / "depth/1.004000.png", cv::Mat(12, 16, CV_8UC3));
   EXPECT_ERROR(load(), "1.004000.png", "CV_8UC3");
   folder.write("depth/1.004000.png", "");
   EXPECT_ERROR(load(), "1.004000.png", "empty file");
-  write_picture(folder / "rgb/1.000000.png", cv::Mat(24, 32, CV_8UC3));
+  write_image(folder / "rgb/1.000000.png", cv::Mat(24, 32, CV_8UC3));
   folder.write("camera.yaml", kCamera);
   EXPECT_ERROR(load(), "1.000000.png", "the camera's 16x12", "32x24");
 }
@@ -175,7 +175,7 @@ TEST(TumSequence, OpensRealFramesOfFr1Desk) {
   const TumSequence sequence(folder, settings);
   // Nine images of each kind are there; the lists name over 590.
   EXPECT_EQ(sequence.size(), 9u);
-  EXPECT_GT(sequence.missing_pictures(), 500u);
+  EXPECT_GT(sequence.missing_images(), 500u);
   EXPECT_EQ(sequence.entry(0).stem, "1305031453.359684");
   EXPECT_EQ(sequence.entry(0).depth_path.stem(), "1305031453.374112");
   EXPECT_NO_THROW(check_frame(sequence.load(8)));

@@ -4,8 +4,8 @@
 #include "frames.hpp"
 #include "sequences.hpp"
 #include "stillpoint/io/camera_file.hpp"
+#include "stillpoint/io/image_file.hpp"
 #include "stillpoint/io/mask_folder.hpp"
-#include "stillpoint/io/picture_file.hpp"
 
 namespace stillpoint::python {
 namespace {
@@ -77,8 +77,19 @@ void bind_sequence(py::module_& m) {
           "Reads groundtruth.txt.")
       .def_property_readonly("without_depth", &TumSequence::without_depth,
                              "Color images left out: no depth image near enough.")
-      .def_property_readonly("missing_pictures", &TumSequence::missing_pictures,
+      .def_property_readonly("missing_images", &TumSequence::missing_images,
                              "Pairs left out: an image is not on the disk.")
+      .def_property_readonly(
+          "missing_pictures",
+          [](const TumSequence& s) {
+            if (PyErr_WarnEx(PyExc_DeprecationWarning,
+                             "missing_pictures is now missing_images; the next version knows this "
+                             "only",
+                             1) != 0)
+              throw py::error_already_set();
+            return s.missing_images();
+          },
+          "Old name of missing_images.")
       .def("__repr__", [](const TumSequence& s) {
         return "<TumSequence of " + std::to_string(s.size()) + " frames: " + s.folder().string() +
                ">";
@@ -121,7 +132,7 @@ void bind_io(py::module_& m) {
   m.def(
       "write_mask",
       [](const py::object& path, const py::object& mask) {
-        write_picture(path_of(path, "path"), mask_of(mask, "mask"));
+        write_image(path_of(path, "path"), mask_of(mask, "mask"));
       },
       py::arg("path"), py::arg("mask"), "Writes a mask or label image, (H, W) uint8 or bool.");
 }

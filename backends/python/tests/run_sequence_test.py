@@ -123,3 +123,9 @@ def test_a_wrong_depth_factor_is_noticed(sequence):
     assert problem(2500, motion=2)  # images alone do not tell
     assert problem(5000, motion=1) is None
     assert stillpoint.DepthScaleCheck().problem() is None
+
+
+def test_the_old_name_of_missing_images_is_deprecated(sequence):
+    with pytest.deprecated_call(match="missing_images"):
+        assert sequence.missing_pictures == 0
+    assert sequence.missing_images == 0

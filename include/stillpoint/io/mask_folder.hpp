@@ -11,7 +11,7 @@
 
 #include "stillpoint/core/error.hpp"
 #include "stillpoint/core/instance.hpp"
-#include "stillpoint/io/picture_file.hpp"
+#include "stillpoint/io/image_file.hpp"
 
 namespace stillpoint {
 
@@ -24,7 +24,7 @@ inline std::filesystem::path mask_path(const std::filesystem::path& folder,
 /// Reads a label image: CV_8UC1, 0 = background, k = instance k, or 0 and 255 only. Throws Error
 /// if it is missing, truncated, not 8 bits in one channel, or not of `size`.
 inline cv::Mat read_labels(const std::filesystem::path& path, cv::Size size) {
-  cv::Mat labels = detail::read_picture(path, cv::IMREAD_UNCHANGED, "mask");
+  cv::Mat labels = detail::read_image(path, cv::IMREAD_UNCHANGED, "mask");
   detail::check(labels.type() == CV_8UC1, [&] {
     return "mask " + path.string() +
            ": expected one channel of 8 bits (CV_8UC1, 0 = background, k = instance k), found " +
@@ -160,7 +160,7 @@ inline cv::Mat labels_from_instances(const std::vector<Instance>& instances, cv:
 /// seen. The folder must exist. Throws Error as labels_from_instances(), and if writing fails.
 inline void write_labels(const std::filesystem::path& folder, const std::string& stem,
                          const std::vector<Instance>& instances, cv::Size size) {
-  write_picture(mask_path(folder, stem), labels_from_instances(instances, size));
+  write_image(mask_path(folder, stem), labels_from_instances(instances, size));
 }
 
 }  // namespace stillpoint

@@ -12,7 +12,7 @@
 #include "stillpoint/core/camera.hpp"
 #include "stillpoint/core/frame.hpp"
 #include "stillpoint/io/camera_file.hpp"
-#include "stillpoint/io/picture_file.hpp"
+#include "stillpoint/io/image_file.hpp"
 #include "stillpoint/io/text_file.hpp"
 #include "stillpoint/io/trajectory_file.hpp"
 
@@ -175,7 +175,11 @@ class TumSequence {
   /// Listed color images without a depth image near enough; they are left out.
   std::size_t without_depth() const { return without_depth_; }
   /// Pairs of which an image is not on the disk; they are left out.
-  std::size_t missing_pictures() const { return missing_pictures_; }
+  std::size_t missing_images() const { return missing_images_; }
+  /// Old name; gone in the next version.
+  [[deprecated("use missing_images()")]] std::size_t missing_pictures() const {
+    return missing_images_;
+  }
 
   /// From the settings or the folder's camera.yaml; nothing if there is neither.
   const std::optional<Camera>& camera() const { return camera_; }
@@ -271,7 +275,7 @@ class TumSequence {
     std::vector<SequenceEntry> present;
     for (SequenceEntry& e : entries_)
       if (!missing(e)) present.push_back(std::move(e));
-    missing_pictures_ = entries_.size() - present.size();
+    missing_images_ = entries_.size() - present.size();
     detail::check(!present.empty(), [&] {
       return "sequence " + folder_.string() + ": expected the images that " + source_.string() +
              " names, found none of " + std::to_string(entries_.size()) + " pairs, e.g. no " +
@@ -285,7 +289,7 @@ class TumSequence {
   std::filesystem::path source_;
   std::vector<SequenceEntry> entries_;
   std::optional<Camera> camera_;
-  std::size_t without_depth_ = 0, missing_pictures_ = 0;
+  std::size_t without_depth_ = 0, missing_images_ = 0;
 };
 
 }  // namespace stillpoint
