@@ -101,12 +101,12 @@ void WorstFrames::add(const FrameView& view, const std::string& stem, const cv::
   std::vector<cv::Point2f> kept;
   for (int i : view.selection().kept)
     kept.push_back(view.keypoints()[static_cast<std::size_t>(i)].pt);
-  worse.picture = draw_stages(frame, truth,
-                              {{"segmenter", front_end.raw_mask()},
-                               {"motion check", front_end.movers_mask()},
-                               {"mended", front_end.mended_mask()},
-                               {"after depth", front_end.undilated_mask()}},
-                              view.mask(), kept);
+  worse.image = draw_stages(frame, truth,
+                            {{"segmenter", front_end.raw_mask()},
+                             {"motion check", front_end.movers_mask()},
+                             {"mended", front_end.mended_mask()},
+                             {"after depth", front_end.undilated_mask()}},
+                            view.mask(), kept);
   frames_.insert(at, std::move(worse));
   if (frames_.size() > count_) frames_.pop_back();
 }
@@ -118,7 +118,7 @@ void WorstFrames::finish() const {
   for (const Frame& f : frames_) {
     char number[16];
     std::snprintf(number, sizeof number, "%02d_", ++place);
-    write_image(folder_ / (number + f.stem + ".png"), f.picture);
+    write_image(folder_ / (number + f.stem + ".png"), f.image);
   }
 }
 
@@ -172,12 +172,8 @@ std::vector<double> RunRecorder::timestamps() const {
   return times;
 }
 
-void RunRecorder::summarize(Json& stats, bool front_end) const {
+void RunRecorder::summarize_times(Json& stats) const {
   StageTiming timing;
-  std::map<std::string, int> status;
-  MeanOfNumbers extracted, kept, share, restored, sharpness_mean, motion;
-  KeypointMetrics tracked_keypoints, judged_keypoints;
-  std::vector<double> sharp;
   for (const Record& r : records_) {
     timing.add("segmentation", r.times.segmentation);
     timing.add("motion", r.times.motion);
@@ -187,54 +183,36 @@ void RunRecorder::summarize(Json& stats, bool front_end) const {
     timing.add("extraction", r.times.extraction);
     timing.add("tracking", r.times.tracking);
     timing.add("total", r.times.total);
-    for (const std::string& name : status_names(r.status)) ++status[name];
-    extracted.add(r.keypoints);
-    kept.add(r.kept);
-    share.add(r.mask_share);
-    restored.add(r.restored);
-    tracked_keypoints += r.tracked_keypoints;
-    judged_keypoints += r.judged_keypoints;
-    sharpness_mean.add(r.sharpness);
-    motion.add(r.motion_px);
-    if (r.has_truth) sharp.push_back(r.sharpness);
   }
   for (const std::string& stage : timing.stages()) {
     const TimingSummary t = timing.summary(stage);
     stats["times_ms"][stage] = {{"median", t.median_ms}, {"p95", t.p95_ms}, {"max", t.max_ms}};
   }
-  stats["lost"] = Json::array();
+}
+
+Json RunRecorder::lost() const {
+  Json lost = Json::array();
   for (std::size_t i = 0; i < records_.size(); ++i) {
     if (records_[i].tracked) continue;
     const std::size_t first = i;
     while (i < records_.size() && !records_[i].tracked) ++i;
     const double start = records_.front().timestamp;
-    stats["lost"].push_back({{"from_s", records_[first].timestamp - start},
-                             {"to_s", records_[i - 1].timestamp - start},
-                             {"frames", i - first},
-                             {"found_again", i < records_.size()}});
+    lost.push_back({{"from_s", records_[first].timestamp - start},
+                    {"to_s", records_[i - 1].timestamp - start},
+                    {"frames", i - first},
+                    {"found_again", i < records_.size()}});
   }
-  stats["blur"] = {{"sharpness", sharpness_mean.value()}, {"motion_px", motion.value()}};
-  stats["status"] = Json::object();
-  for (const auto& [name, count] : status) stats["status"][name] = count;
+  return lost;
+}
 
-  // Objects of their own, put in at the end: a reference into an ordered JSON object does not live
-  // through the next insertion.
-  Json keypoints = {{"extracted", extracted.value()}, {"kept", kept.value()}};
-  if (any_truth_) keypoints["kept_on_people"] = tracked_keypoints.share_of_kept_on_people();
-  if (front_end) {
-    stats["mask_share"] = share.value();
-    stats["restored_per_frame"] = restored.value();
+Json RunRecorder::masks() const {
+  std::vector<double> sharp;
+  BinaryCounts measured;
+  for (const Record& r : records_) {
+    if (!r.has_truth) continue;
+    sharp.push_back(r.sharpness);
+    measured += r.measured;
   }
-  if (!front_end || !any_truth_) {
-    stats["keypoints"] = keypoints;
-    return;
-  }
-  keypoints["precision"] = judged_keypoints.counts.precision();
-  keypoints["recall"] = judged_keypoints.counts.recall();
-  keypoints["f1"] = judged_keypoints.counts.f1();
-  keypoints["static_kept"] = judged_keypoints.share_of_static_kept();
-  stats["keypoints"] = keypoints;
-
   const double blurred_below = quantile(sharp, 1.0 / 3);
   Json masks;
   masks["frames"] = sharp.size();
@@ -252,12 +230,49 @@ void RunRecorder::summarize(Json& stats, bool front_end) const {
     masks["iou" + suffix + "_blurred"] = blurred.mean_iou();
     masks["recall" + suffix + "_blurred"] = blurred.mean_recall();
   }
-  BinaryCounts measured;
-  for (const Record& r : records_)
-    if (r.has_truth) measured += r.measured;
   masks["recall_measured"] = measured.recall();
   masks["precision_measured"] = measured.precision();
-  stats["masks"] = masks;
+  return masks;
+}
+
+void RunRecorder::summarize(Json& stats, bool front_end) const {
+  summarize_times(stats);
+  stats["lost"] = lost();
+  std::map<std::string, int> status;
+  MeanOfNumbers extracted, kept, share, restored, sharpness_mean, motion;
+  KeypointMetrics tracked_keypoints, judged_keypoints;
+  for (const Record& r : records_) {
+    for (const std::string& name : status_names(r.status)) ++status[name];
+    extracted.add(r.keypoints);
+    kept.add(r.kept);
+    share.add(r.mask_share);
+    restored.add(r.restored);
+    tracked_keypoints += r.tracked_keypoints;
+    judged_keypoints += r.judged_keypoints;
+    sharpness_mean.add(r.sharpness);
+    motion.add(r.motion_px);
+  }
+  stats["blur"] = {{"sharpness", sharpness_mean.value()}, {"motion_px", motion.value()}};
+  stats["status"] = Json::object();
+  for (const auto& [name, count] : status) stats["status"][name] = count;
+
+  // Objects of their own, put in at the end: a reference into an ordered JSON object does not live
+  // through the next insertion.
+  Json keypoints = {{"extracted", extracted.value()}, {"kept", kept.value()}};
+  if (any_truth_) keypoints["kept_on_people"] = tracked_keypoints.share_of_kept_on_people();
+  if (front_end) {
+    stats["mask_share"] = share.value();
+    stats["restored_per_frame"] = restored.value();
+  }
+  const bool judged = front_end && any_truth_;
+  if (judged) {
+    keypoints["precision"] = judged_keypoints.counts.precision();
+    keypoints["recall"] = judged_keypoints.counts.recall();
+    keypoints["f1"] = judged_keypoints.counts.f1();
+    keypoints["static_kept"] = judged_keypoints.share_of_static_kept();
+  }
+  stats["keypoints"] = keypoints;
+  if (judged) stats["masks"] = masks();
 }
 
 Json RunRecorder::series(bool front_end) const {

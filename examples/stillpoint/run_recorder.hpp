@@ -53,7 +53,7 @@ class WorstFrames {
   struct Frame {
     double timestamp = 0, wrong = 0;
     std::string stem;
-    cv::Mat picture;
+    cv::Mat image;
   };
   std::filesystem::path folder_;
   std::size_t count_ = 0;
@@ -100,6 +100,12 @@ class RunRecorder {
     /// Of the tracker's own keypoints, and of those of the whole image.
     KeypointMetrics tracked_keypoints, judged_keypoints;
   };
+
+  void summarize_times(nlohmann::ordered_json& stats) const;
+  /// The stretches of frames without a pose.
+  nlohmann::ordered_json lost() const;
+  /// How good the masks are by masks_gt.
+  nlohmann::ordered_json masks() const;
 
   std::filesystem::path truth_dir_;
   BlurMeter blur_;  // for the edges, also with the front end off
