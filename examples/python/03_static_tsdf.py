@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: BSD-2-Clause
 """A mesh of the static scene by Open3D's TSDF: 03_static_tsdf.py SEQUENCE MESH.ply [--everybody].
 
+Uses the masks of a network in SEQUENCE/masks, if they are there. Trap: whom the network misses at
+first is found once he has moved, and a TSDF does not forget: the first second is left out.
 --everybody: without the front end, for comparison. Of a sequence with true masks of people
 (masks_gt/) and true poses it counts the ghosts: vertices where only people ever were.
 """
@@ -16,7 +18,11 @@ everybody = "--everybody" in sys.argv
 folder, mesh_file = [argument for argument in sys.argv[1:] if argument != "--everybody"]
 sequence = stillpoint.TumSequence(folder)
 camera = sequence.camera
-front_end = None if everybody else stillpoint.FrontEnd(camera)
+masks_of_network = pathlib.Path(folder, "masks")
+segmenter = None
+if masks_of_network.is_dir():
+    segmenter = stillpoint.MaskFilesSegmenter(masks_of_network, sequence)
+front_end = None if everybody else stillpoint.FrontEnd(camera, segmenter)
 slam = stillpoint.SlamSystem(camera)
 masks = {}
 for frame in sequence:
@@ -36,7 +42,7 @@ intrinsic = o3d.camera.PinholeCameraIntrinsic(
     width, height, camera.fx, camera.fy, camera.cx, camera.cy
 )
 for frame in sequence:
-    if frame.timestamp not in poses:
+    if frame.timestamp not in poses or frame.timestamp < sequence.timestamps[0] + 1:
         continue
     depth = frame.depth_m()
     if front_end:
