@@ -58,6 +58,8 @@ for frame in sequence:
     # Trap: Open3D wants the inverse, world to camera.
     volume.integrate(image, intrinsic, np.linalg.inv(poses[frame.timestamp]))
 mesh = volume.extract_triangle_mesh()
+if not mesh.has_vertices():
+    sys.exit(f"{folder}: expected a sequence that goes on after the first second, found none")
 o3d.io.write_triangle_mesh(mesh_file, mesh)
 print(f"wrote {mesh_file} from {len(poses)} frames")
 

@@ -38,10 +38,17 @@ def test_masks_for_other_systems(source, walk):
     assert run(source, "02_masks_for_other_systems.py", walk).count("static:") == 8
 
 
-def test_the_static_scene_as_a_mesh(source, walk, tmp_path):
+def test_the_static_scene_as_a_mesh(source, cli, tmp_path):
     pytest.importorskip("open3d")
-    run(source, "03_static_tsdf.py", walk, tmp_path / "mesh.ply")
-    assert (tmp_path / "mesh.ply").stat().st_size > 10000
+    folder, mesh = tmp_path / "walk", tmp_path / "mesh.ply"
+    cli("synth", folder, "--frames", 45, "--size", "320x240")
+    ghosts = []
+    for option in ([], ["--everybody"]):
+        text = run(source, "03_static_tsdf.py", folder, mesh, *option)
+        assert mesh.stat().st_size > 10000
+        found = re.search(r"ghosts <GhostCounts: (\d+) of (\d+) points>", text)
+        ghosts.append(int(found[1]) / int(found[2]))
+    assert ghosts[0] < 0.2 * ghosts[1]
 
 
 def test_a_plot_of_a_run(source, walk, tmp_path):
