@@ -23,9 +23,10 @@ int fail(std::string message, int code) {
   for (char& c : message)
     if (c == '\n' || c == '\r') c = ' ';
   message.erase(message.find_last_not_of(' ') + 1);
-  const std::string name = "stillpoint: ";
-  if (message.compare(0, name.size(), name) != 0) message.insert(0, name);
-  std::fprintf(stderr, "%s\n", message.c_str());
+  const std::string name = "stillpoint: ";  // also in an Error that another one quotes
+  for (std::size_t at; (at = message.find(name)) != std::string::npos;)
+    message.erase(at, name.size());
+  std::fprintf(stderr, "%s%s\n", name.c_str(), message.c_str());
   return code;
 }
 

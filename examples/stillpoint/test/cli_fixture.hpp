@@ -75,7 +75,7 @@ class Cli : public testing::Test {
   static void expect_error(const std::string& arguments, int code, const std::string& words) {
     const Result r = run(arguments);
     EXPECT_EQ(r.code, code) << arguments << "\n" << r.err;
-    EXPECT_EQ(r.err.compare(0, 12, "stillpoint: "), 0) << arguments << "\n" << r.err;
+    EXPECT_EQ(r.err.rfind("stillpoint: "), 0U) << "the name once: " << arguments << "\n" << r.err;
     EXPECT_EQ(lines_of(r.err), 1) << arguments << "\n" << r.err;
     EXPECT_NE(r.err.find(words), std::string::npos) << arguments << "\n" << r.err;
   }
