@@ -287,6 +287,17 @@ TEST(KeypointFilter, RemovesKeypointsOutsideThePicture) {
   EXPECT_EQ(found.kept, (std::vector<int>{9, 10})) << "the floor keeps those in the image";
 }
 
+// 0.49999997 + 0.5 is 1 in single precision: no pixel of an image one wide.
+TEST(ProbabilisticKeypointFilter, StaysInsideAnImageOfOnePixel) {
+  stillpoint::DynamicMask mask;
+  mask.image = cv::Mat(3, 3, CV_8UC1, cv::Scalar(0))(cv::Rect(0, 0, 1, 1));
+  mask.image.setTo(255);
+  const float last = std::nextafter(0.5f, 0.0f);
+  EXPECT_TRUE(mask.dynamic_at(last, last));
+  stillpoint::ProbabilisticKeypointFilter<> filter;
+  EXPECT_EQ(filter.filter(std::vector<cv::Point2f>{{last, last}}, mask).probability[0], 1);
+}
+
 TEST(KeypointFilter, OutsideKeypointsAreNobodysNeighbors) {
   Settings settings;
   settings.decay_per_px = 0, settings.threshold = 0.9f, settings.min_kept = 0;

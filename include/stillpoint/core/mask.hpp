@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #pragma once
 
+#include <algorithm>
 #include <opencv2/core.hpp>
 
 namespace stillpoint {
@@ -25,7 +26,13 @@ struct DynamicMask {
     if (!(x >= -0.5f && y >= -0.5f && x < static_cast<float>(image.cols) - 0.5f &&
           y < static_cast<float>(image.rows) - 0.5f))
       return false;
-    return image.at<uchar>(static_cast<int>(y + 0.5f), static_cast<int>(x + 0.5f)) != 0;
+    return pixel_at(x, y) != 0;
+  }
+  /// The pixel nearest to a place inside the image.
+  uchar pixel_at(float x, float y) const {
+    const int u = static_cast<int>(x + 0.5f), v = static_cast<int>(y + 0.5f);
+    return image.ptr<uchar>(
+        std::min(v, image.rows - 1))[std::min(u, image.cols - 1)];  // rounded up
   }
   /// Share of dynamic pixels, 0 to 1. O(pixels).
   double coverage() const {

@@ -131,9 +131,7 @@ class ProbabilisticKeypointFilter {
         selection_.reason[i] = KeypointReason::kOutsidePicture;
         continue;
       }
-      // As DynamicMask::dynamic_at().
-      const bool dynamic = has_mask && mask.image.template ptr<uchar>(static_cast<int>(
-                                           y + 0.5f))[static_cast<int>(x + 0.5f)] != 0;
+      const bool dynamic = has_mask && mask.pixel_at(x, y) != 0;
       points_[inside] = {x * to_settings, y * to_settings};
       // Which ones are in the mask is hard to foresee: no branch.
       dynamic_points_[found] = points_[inside];
