@@ -41,6 +41,7 @@ height, width = sequence[0].shape
 intrinsic = o3d.camera.PinholeCameraIntrinsic(
     width, height, camera.fx, camera.fy, camera.cx, camera.cy
 )
+integrated = 0
 for frame in sequence:
     if frame.timestamp not in poses or frame.timestamp < sequence.timestamps[0] + 1:
         continue
@@ -57,18 +58,20 @@ for frame in sequence:
     )
     # Trap: Open3D wants the inverse, world to camera.
     volume.integrate(image, intrinsic, np.linalg.inv(poses[frame.timestamp]))
+    integrated += 1
 mesh = volume.extract_triangle_mesh()
 if not mesh.has_vertices():
     sys.exit(f"{folder}: expected a sequence that goes on after the first second, found none")
 o3d.io.write_triangle_mesh(mesh_file, mesh)
-print(f"wrote {mesh_file} from {len(poses)} frames")
+print(f"wrote {mesh_file} from {integrated} frames")
 
 true_masks = pathlib.Path(folder, "masks_gt")
 if true_masks.is_dir() and sequence.has_groundtruth:
     truth = sequence.groundtruth()
     counter = stillpoint.GhostCounter()
     for i, k in stillpoint.associate(sequence.timestamps, truth.timestamps):
-        people = cv2.imread(str(true_masks / f"{sequence.stems[i]}.png"), cv2.IMREAD_UNCHANGED)
-        counter.add(sequence[i], camera, people, truth.poses[k])
+        frame = sequence[i]
+        people = stillpoint.read_mask(true_masks / f"{sequence.stems[i]}.png", frame.shape)
+        counter.add(frame, camera, people, truth.poses[k])
     error = stillpoint.ate(truth, trajectory)
     print("ghosts", counter.count(mesh.vertices, error.T_groundtruth_estimate))

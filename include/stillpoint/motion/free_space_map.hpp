@@ -127,7 +127,7 @@ class FreeSpaceMap {
  private:
   static constexpr double kMemoryS = 1.7, kLeastStepS = 0.0325, kSettledS = 0.3;
   static constexpr std::size_t kCapacity = 52;  // kMemoryS / kLeastStepS
-  static constexpr float kBeyond = 1e9f, kNever = 1e9f;
+  static constexpr float kBeyond = 1e9f, kNever = 1e9f;  // metres; m/s, of what does not recede
   static constexpr float kSurelyInRange = 0.8f;
   // Sensors measure nothing close by either: so near, a hole does not tell what was there.
   static constexpr float kSurelyMeasuredM = 1;
@@ -160,7 +160,7 @@ class FreeSpaceMap {
   // But the longer ago, the nearer his surface was, at one speed; what comes into view behind an
   // edge was as far behind it at any time.
   struct Receding {
-    float least_m_s = 1e9f, most_m_s = 0;
+    float least_m_s = kNever, most_m_s = 0;
     int count = 0;
     void add(float speed) {
       least_m_s = std::min(least_m_s, speed), most_m_s = std::max(most_m_s, speed);
