@@ -126,7 +126,7 @@ class FreeSpaceMap {
 
  private:
   static constexpr double kMemoryS = 1.7, kLeastStepS = 0.0325, kSettledS = 0.3;
-  static constexpr std::size_t kCapacity = 52;  // kMemoryS / kLeastStepS
+  static constexpr std::size_t kCapacity = 52;           // kMemoryS / kLeastStepS
   static constexpr float kBeyond = 1e9f, kNever = 1e9f;  // metres; m/s, of what does not recede
   static constexpr float kSurelyInRange = 0.8f;
   // Sensors measure nothing close by either: so near, a hole does not tell what was there.
