@@ -279,6 +279,32 @@ TEST(Ros2PoseBuffer, InterpolatesBetweenNeighborsOnly) {
   EXPECT_FALSE(buffer.at(20));
 }
 
+TEST(Ros2OdometryPoses, PutsTheCameraOnItsBody) {
+  OdometryPoses poses;
+  Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+  std::string asked;
+  const auto mount = [&](const std::string& body, const std::string& camera,
+                         Eigen::Isometry3d& on) {
+    asked += body + "<" + camera + " ";
+    on.translation().z() = 1.5;
+    return std::string(camera == "lost" ? "expected a transform" : "");
+  };
+  EXPECT_EQ(poses.at(1000000000, "camera", mount, T),
+            "expected poses before and after the stamp 1.000, at most 0.2 s apart, found none");
+  const Eigen::Isometry3d body(Eigen::Translation3d(2, 0, 0));
+  poses.add(1000000000, "odom", "base", body);
+  poses.add(1100000000, "odom", "base", body);
+  EXPECT_EQ(poses.world_frame(), "odom");
+  EXPECT_EQ(poses.at(1050000000, "camera", mount, T), "");
+  EXPECT_EQ(asked, "base<camera ");
+  EXPECT_TRUE(T.translation().isApprox(Eigen::Vector3d(2, 0, 1.5)));
+  EXPECT_EQ(poses.at(1050000000, "lost", mount, T), "expected a transform");
+  EXPECT_EQ(poses.at(1050000000, "base", mount, T), "");
+  EXPECT_TRUE(T.translation().isApprox(Eigen::Vector3d(2, 0, 0))) << "odometry of the camera";
+  EXPECT_NE(poses.at(1200000000, "base", mount, T).find("found them from 1.000 to 1.100"),
+            std::string::npos);
+}
+
 TEST(Ros2Parameters, EveryDefaultIsAllowedAndSettable) {
   const Parameters defaults;
   for (const ParameterDescription& d : parameter_descriptions()) {

@@ -275,12 +275,11 @@ TEST(Ros2Stream, LabelsOfAFrameThatNobodySawAreTold) {
 
 TEST(Ros2Stream, PosesOfTheHostReachTheFrontEnd) {
   std::vector<Nanoseconds> asked;
-  Node node(parameters(), [&](Nanoseconds t, const std::string& frame_id) {
+  Node node(parameters(), [&](Nanoseconds t, const std::string& frame_id, Eigen::Isometry3d& T) {
     EXPECT_EQ(frame_id, "camera");
     asked.push_back(t);
-    Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
     T.translation().x() = 0.001 * static_cast<double>((t - kStart) / kStep);
-    return std::optional<Eigen::Isometry3d>(T);
+    return std::string();
   });
   Parameters p = parameters();
   p.preset = "network_only";  // which measures no motion of its own
@@ -291,6 +290,30 @@ TEST(Ros2Stream, PosesOfTheHostReachTheFrontEnd) {
   ASSERT_TRUE(node.stream.front_end().ego_motion().motion());
   EXPECT_NEAR(node.stream.front_end().ego_motion().motion()->translation().x(), -0.001, 1e-9);
   EXPECT_EQ(asked, (std::vector<Nanoseconds>{kStart, kStart + kStep, kStart}));
+}
+
+// By the next frame a pose has come, or it is missing.
+TEST(Ros2Stream, PosesThatAreMissingAreToldAndLateOnesTaken) {
+  Nanoseconds newest = 0;
+  Node node(parameters(), [&](Nanoseconds t, const std::string&, Eigen::Isometry3d& T) {
+    T.translation().y() = 7;
+    return std::string(t <= newest ? "" : "expected a pose, found none");
+  });
+  newest = kStart;
+  node.frame(0), node.mask();
+  node.frame(1), node.mask();
+  EXPECT_TRUE(node.said.empty()) << "that of frame 1 may still come";
+  newest = kStart + kStep;
+  node.frame(2), node.mask();
+  EXPECT_TRUE(node.said.empty());
+  ASSERT_TRUE(node.stream.front_end().ego_motion().T_host_world());
+  EXPECT_NEAR(node.stream.front_end().ego_motion().T_host_world()->translation().y(), 7, 0.01);
+  node.frame(3);
+  ASSERT_FALSE(node.mask().empty());
+  ASSERT_EQ(node.said.size(), 1u);
+  EXPECT_EQ(node.said[0],
+            "odometry: pose: expected a pose, found none; the camera's motion is estimated by the "
+            "images");
 }
 
 TEST(Ros2Stream, ParametersChangeWhileItRuns) {

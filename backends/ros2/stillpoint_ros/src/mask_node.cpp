@@ -3,32 +3,48 @@
 #include <tf2_ros/transform_listener.h>
 
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <atomic>
 #include <chrono>
+#include <cstddef>
 #include <diagnostic_msgs/msg/diagnostic_array.hpp>
 #include <image_transport/image_transport.hpp>
 #include <memory>
-#include <mutex>
 #include <nav_msgs/msg/odometry.hpp>
 #include <optional>
+#include <rclcpp/rclcpp.hpp>
 #include <rclcpp_components/register_node_macro.hpp>
+#include <sensor_msgs/msg/camera_info.hpp>
+#include <sensor_msgs/msg/image.hpp>
+#include <stdexcept>
 #include <stillpoint/backends/ros2/camera_stream.hpp>
+#include <stillpoint/backends/ros2/image_outputs.hpp>
 #include <stillpoint/backends/ros2/pose_buffer.hpp>
+#include <stillpoint/backends/ros2/read_messages.hpp>
+#include <stillpoint/backends/ros2/write_messages.hpp>
+#include <stillpoint_ros/msg/object_array.hpp>
 #include <string>
 #include <thread>
 #include <utility>
 #include <vector>
-
-#include "messages.hpp"
-#include "publishers.hpp"
+#include <vision_msgs/msg/detection2_d_array.hpp>
+#include <visualization_msgs/msg/marker_array.hpp>
 
 namespace stillpoint_ros {
 
+namespace core = stillpoint::ros2;
 using namespace std::chrono_literals;
+using diagnostic_msgs::msg::DiagnosticArray;
+using nav_msgs::msg::Odometry;
+using sensor_msgs::msg::CameraInfo;
+using sensor_msgs::msg::Image;
+using vision_msgs::msg::Detection2DArray;
+using visualization_msgs::msg::MarkerArray;
 
 /// From a camera's topics to masks, masked images and objects; docs/ros2.md lists topics and
 /// parameters. Subscriptions only hand messages over to core::CameraStream; a thread of the node
-/// makes masks and publishes them.
+/// makes masks and publishes them. Messages are published as unique_ptr, so that a subscriber in
+/// the same process gets them without a copy.
 class MaskNode : public rclcpp::Node {
  public:
   explicit MaskNode(const rclcpp::NodeOptions& options)
@@ -37,15 +53,12 @@ class MaskNode : public rclcpp::Node {
         }) {
     declare_parameters();
     pose_source_ = parameters_.poses, world_frame_ = parameters_.world_frame;
-    stream_.emplace(parameters_, topic_names(), warnings_,
-                    [this](core::Nanoseconds stamp, const std::string& frame_id) {
-                      return pose_at(stamp, frame_id);
-                    });
+    make_stream();
     on_set_ = add_on_set_parameters_callback(
         [this](const std::vector<rclcpp::Parameter>& changed) { return set_parameters(changed); });
-    publishers_.emplace(*this);
-    diagnostics_ = create_publisher<diagnostic_msgs::msg::DiagnosticArray>("/diagnostics", 10);
+    advertise();
     subscribe();
+    if (pose_source_ != "none") subscribe_to_poses();
     timer_ = create_wall_timer(1s, [this] { publish_diagnostics(); });
     worker_ = std::thread([this] { run(); });
   }
@@ -56,135 +69,143 @@ class MaskNode : public rclcpp::Node {
   }
 
  private:
+  static constexpr std::chrono::seconds kTfCache{10};
+
+  template <class Message>
+  using Publisher = typename rclcpp::Publisher<Message>::SharedPtr;
+
   void declare_parameters() {
     for (const core::ParameterDescription& d : core::parameter_descriptions()) {
       rcl_interfaces::msg::ParameterDescriptor descriptor;
       descriptor.description = d.text;
       descriptor.read_only = d.read_only;
       descriptor.dynamic_typing = true;  // 1 for 1.0: the core says what fits
-      declare_parameter(d.name, to_ros(d.value(parameters_)), descriptor);
-      set(parameters_, get_parameter(d.name));
+      const auto value =
+          std::visit([](const auto& v) { return rclcpp::ParameterValue(v); }, d.value(parameters_));
+      declare_parameter(d.name, value, descriptor);
+      const std::string problem =
+          core::read_parameter(d.name, get_parameter(d.name).get_value_message(), parameters_);
+      if (!problem.empty()) throw std::invalid_argument(problem);
     }
-  }
-
-  static void set(core::Parameters& parameters, const rclcpp::Parameter& parameter) {
-    const std::string problem =
-        core::set_parameter(parameters, parameter.get_name(), from_ros(parameter));
-    if (!problem.empty()) throw std::invalid_argument(problem);
   }
 
   rcl_interfaces::msg::SetParametersResult set_parameters(
       const std::vector<rclcpp::Parameter>& changed) {
     rcl_interfaces::msg::SetParametersResult result;
     core::Parameters parameters = parameters_;
-    try {
-      for (const rclcpp::Parameter& parameter : changed)
-        if (is_ours(parameter.get_name())) set(parameters, parameter);
-      parameters_ = parameters;
-      stream_->set_parameters(parameters_);
-      result.successful = true;
-    } catch (const std::exception& error) {
-      result.successful = false;
-      result.reason = error.what();
-    }
+    for (const rclcpp::Parameter& p : changed)  // others: use_sim_time, qos_overrides...
+      if (core::is_parameter(p.get_name()) && result.reason.empty())
+        result.reason = core::read_parameter(p.get_name(), p.get_value_message(), parameters);
+    result.successful = result.reason.empty();
+    if (result.successful) parameters_ = parameters, stream_->set_parameters(parameters_);
     return result;
-  }
-
-  static bool is_ours(const std::string& name) {
-    for (const core::ParameterDescription& d : core::parameter_descriptions())
-      if (name == d.name) return true;
-    return false;  // use_sim_time, qos_overrides...
   }
 
   std::string resolved(const std::string& topic) {
     return get_node_topics_interface()->resolve_topic_name(topic);
   }
 
-  core::TopicNames topic_names() {
-    return {resolved("color/image"), resolved("depth/image"), resolved("color/camera_info"),
-            resolved("labels") + " or " + resolved("detections")};
+  void make_stream() {
+    core::TopicNames topics;
+    topics.color = resolved("color/image"), topics.depth = resolved("depth/image");
+    topics.camera_info = resolved("color/camera_info");
+    topics.segmentation = resolved("labels") + " or " + resolved("detections");
+    topics.poses = pose_source_ == "tf" ? "/tf" : resolved("odometry");
+    core::MaskMaker::PoseAt poses;
+    if (pose_source_ != "none")
+      poses = [this](core::Nanoseconds stamp, const std::string& camera, Eigen::Isometry3d& T) {
+        return pose_at(stamp, camera, T);
+      };
+    stream_.emplace(parameters_, topics, warnings_, poses);
+  }
+
+  // A parameter file may choose another quality of service.
+  template <class Options>
+  static Options overridable() {
+    Options options;
+    options.qos_overriding_options = rclcpp::QosOverridingOptions::with_default_policies();
+    return options;
+  }
+
+  template <class Message>
+  Publisher<Message> advertise(const std::string& topic) {
+    return create_publisher<Message>(topic, rclcpp::QoS(5),
+                                     overridable<rclcpp::PublisherOptions>());
+  }
+
+  void advertise() {
+    for (const core::ImageOutput& output : core::kImageOutputs)
+      images_.push_back(advertise<Image>(output.topic));
+    camera_info_ = advertise<CameraInfo>("camera_info");
+    objects_ = advertise<msg::ObjectArray>("objects");
+    markers_ = advertise<MarkerArray>("markers");
+    diagnostics_ = create_publisher<DiagnosticArray>("/diagnostics", 10);
+  }
+
+  image_transport::Subscriber subscribe_to_image(
+      const std::string& topic, const std::string& transport_parameter,
+      const image_transport::Subscriber::Callback& callback) {
+    return image_transport::create_subscription(
+        this, resolved(topic), callback, declare_parameter(transport_parameter, "raw"),
+        rmw_qos_profile_sensor_data, overridable<rclcpp::SubscriptionOptions>());
   }
 
   void subscribe() {
-    const std::string color_transport = declare_parameter("color_transport", "raw");
-    const std::string depth_transport = declare_parameter("depth_transport", "raw");
-    rclcpp::SubscriptionOptions options;  // a parameter file may choose reliable
-    options.qos_overriding_options = rclcpp::QosOverridingOptions::with_default_policies();
-    color_ = image_transport::create_subscription(
-        this, resolved("color/image"),
-        [this](const Image::ConstSharedPtr& m) { stream_->add_color(from_ros(m)); },
-        color_transport, rmw_qos_profile_sensor_data, options);
-    depth_ = image_transport::create_subscription(
-        this, resolved("depth/image"),
-        [this](const Image::ConstSharedPtr& m) { stream_->add_depth(from_ros(m)); },
-        depth_transport, rmw_qos_profile_sensor_data, options);
-    const rclcpp::SensorDataQoS qos;
-    info_ = create_subscription<CameraInfo>("color/camera_info", qos,
-                                            [this](const CameraInfo::ConstSharedPtr& m) {
-                                              stream_->add_camera_info(from_ros(*m));
-                                              const std::lock_guard<std::mutex> guard(mutex_);
-                                              last_info_ = m;
-                                            });
+    color_ = subscribe_to_image(
+        "color/image", "color_transport",
+        [this](const Image::ConstSharedPtr& m) { stream_->add_color(core::read_image(m)); });
+    depth_ = subscribe_to_image(
+        "depth/image", "depth_transport",
+        [this](const Image::ConstSharedPtr& m) { stream_->add_depth(core::read_image(m)); });
     labels_ = create_subscription<Image>(
-        "labels", qos,
-        [this](const Image::ConstSharedPtr& m) {
-          core::SegmentationMessage labels;
-          labels.stamp = stamp_of(m->header);
-          labels.has_labels = true;
-          labels.labels = from_ros(m);
-          stream_->add_segmentation(std::move(labels));
-        },
-        options);
-    using vision_msgs::msg::Detection2DArray;
+        "labels", rclcpp::SensorDataQoS(),
+        [this](const Image::ConstSharedPtr& m) { stream_->add_segmentation(core::read_labels(m)); },
+        overridable<rclcpp::SubscriptionOptions>());
     boxes_ = create_subscription<Detection2DArray>(
-        "detections", qos, [this](const Detection2DArray::ConstSharedPtr& m) {
-          stream_->add_segmentation(from_ros(*m));
+        "detections", rclcpp::SensorDataQoS(), [this](const Detection2DArray::ConstSharedPtr& m) {
+          stream_->add_segmentation(core::read_detections(*m));
         });
-    if (pose_source_ == "none") return;
-    tf_ = std::make_unique<tf2_ros::Buffer>(get_clock());
+    info_ = create_subscription<CameraInfo>("color/camera_info", rclcpp::SensorDataQoS(),
+                                            [this](const CameraInfo::ConstSharedPtr& m) {
+                                              stream_->add_camera_info(core::read_camera_info(*m));
+                                              std::atomic_store(&last_info_, m);
+                                            });
+  }
+
+  void subscribe_to_poses() {
+    tf_ = std::make_unique<tf2_ros::Buffer>(get_clock(), kTfCache);
     tf_listener_ = std::make_unique<tf2_ros::TransformListener>(*tf_, this, true);
-    if (pose_source_ == "odometry")
-      odometry_ = create_subscription<nav_msgs::msg::Odometry>(
-          "odometry", qos, [this](const nav_msgs::msg::Odometry::ConstSharedPtr& m) {
-            const auto& p = m->pose.pose.position;
-            const auto& q = m->pose.pose.orientation;
-            const std::lock_guard<std::mutex> guard(mutex_);
-            body_frame_ = m->child_frame_id, odometry_frame_ = m->header.frame_id;
-            poses_.add(stamp_of(m->header), isometry(p.x, p.y, p.z, q.w, q.x, q.y, q.z));
-          });
+    if (pose_source_ != "odometry") return;
+    odometry_ = create_subscription<Odometry>(
+        "odometry", rclcpp::SensorDataQoS(), [this](const Odometry::ConstSharedPtr& m) {
+          odometry_poses_.add(
+              core::stamp_of(m->header), m->header.frame_id, m->child_frame_id,
+              core::read_transform(m->pose.pose.position, m->pose.pose.orientation));
+        });
   }
 
-  static Eigen::Isometry3d isometry(double x, double y, double z, double qw, double qx, double qy,
-                                    double qz) {
-    return Eigen::Translation3d(x, y, z) * Eigen::Quaterniond(qw, qx, qy, qz).normalized();
-  }
-
-  // Nothing where the transform is not known: the front end does without.
-  std::optional<Eigen::Isometry3d> transform(const std::string& to, const std::string& from,
-                                             tf2::TimePoint time) const try {
+  std::string transform(const std::string& to, const std::string& from, tf2::TimePoint time,
+                        Eigen::Isometry3d& T) const try {
     const auto message = tf_->lookupTransform(to, from, time).transform;
-    const auto& p = message.translation;
-    const auto& q = message.rotation;
-    return isometry(p.x, p.y, p.z, q.w, q.x, q.y, q.z);
-  } catch (const tf2::TransformException&) {
-    return std::nullopt;
+    T = core::read_transform(message.translation, message.rotation);
+    return "";
+  } catch (const tf2::TransformException& error) {
+    return "expected a transform from '" + from + "' to '" + to + "', found: " + error.what();
   }
 
-  std::optional<Eigen::Isometry3d> pose_at(core::Nanoseconds stamp, const std::string& camera) {
-    if (!tf_) return std::nullopt;
-    if (pose_source_ == "tf")
-      return transform(world_frame_, camera, tf2::TimePoint(std::chrono::nanoseconds(stamp)));
-    std::optional<Eigen::Isometry3d> T_world_body;
-    std::string body;
-    {
-      const std::lock_guard<std::mutex> guard(mutex_);
-      T_world_body = poses_.at(stamp);
-      body = body_frame_;
-    }
-    if (!T_world_body || body.empty() || body == camera) return T_world_body;
-    const auto T_body_camera = transform(body, camera, tf2::TimePointZero);
-    if (!T_body_camera) return std::nullopt;
-    return *T_world_body * *T_body_camera;
+  std::string pose_at(core::Nanoseconds stamp, const std::string& camera, Eigen::Isometry3d& T) {
+    if (pose_source_ == "odometry")
+      return odometry_poses_.at(
+          stamp, camera,
+          [this](const std::string& body, const std::string& frame, Eigen::Isometry3d& T_body) {
+            return transform(body, frame, tf2::TimePointZero, T_body);
+          },
+          T);
+    // TF refuses transforms that are older than those that it keeps: a bag that begins anew.
+    const tf2::TimePoint time{std::chrono::nanoseconds(stamp)};
+    if (newest_time_ - time > kTfCache) tf_->clear(), newest_time_ = time;
+    newest_time_ = std::max(newest_time_, time);
+    return transform(world_frame_, camera, time, T);
   }
 
   void run() {
@@ -194,32 +215,48 @@ class MaskNode : public rclcpp::Node {
     }
   }
 
+  // Nothing is computed that nobody subscribes to.
+  static bool is_wanted(const rclcpp::PublisherBase& publisher) {
+    return publisher.get_subscription_count() > 0;
+  }
+
   void publish(const core::StreamFrame& frame) {
-    CameraInfo::ConstSharedPtr info;
-    std::string world_frame;
-    {
-      const std::lock_guard<std::mutex> guard(mutex_);
-      info = last_info_;
-      if (pose_source_ != "none")
-        world_frame = pose_source_ == "tf" ? world_frame_ : odometry_frame_;
+    const stillpoint::FrontEnd& front_end = stream_->front_end();
+    for (std::size_t i = 0; i < images_.size(); ++i)
+      if (is_wanted(*images_[i])) publish_image(i, frame, front_end.mask().image);
+    if (is_wanted(*objects_)) {
+      auto message = std::make_unique<msg::ObjectArray>();
+      core::write_objects(front_end.objects(), frame.color,
+                          pose_source_ == "tf" ? world_frame_ : odometry_poses_.world_frame(),
+                          *message);
+      objects_->publish(std::move(message));
     }
-    publishers_->publish(frame, stream_->front_end(), info, world_frame);
+    if (is_wanted(*markers_)) {
+      auto message = std::make_unique<MarkerArray>();
+      core::write_markers(front_end.objects(), frame.color, *message);
+      markers_->publish(std::move(message));
+    }
+    if (const auto info = std::atomic_load(&last_info_); info && is_wanted(*camera_info_)) {
+      auto message = std::make_unique<CameraInfo>(*info);
+      core::write_header(frame.color, message->header);
+      camera_info_->publish(std::move(message));
+    }
+  }
+
+  void publish_image(std::size_t i, const core::StreamFrame& frame, const cv::Mat& mask) {
+    const core::OutputImage output = core::kImageOutputs[i].make(frame, mask);
+    if (output.image.empty()) return;
+    auto message = std::make_unique<Image>();
+    core::write_image(*output.like, output.encoding, output.image, *message);
+    images_[i]->publish(std::move(message));
   }
 
   void publish_diagnostics() {
-    const core::DiagnosticReport report = stream_->report();
-    auto message = std::make_unique<diagnostic_msgs::msg::DiagnosticArray>();
+    auto message = std::make_unique<DiagnosticArray>();
     message->header.stamp = now();
-    diagnostic_msgs::msg::DiagnosticStatus status;
-    status.level = static_cast<unsigned char>(report.level);
-    status.name = std::string(get_fully_qualified_name()) + ": masks";
-    status.message = report.message;
-    status.hardware_id = "none";
-    for (const auto& [name, value] : report.values) {
-      status.values.emplace_back();
-      status.values.back().key = name, status.values.back().value = value;
-    }
-    message->status.push_back(std::move(status));
+    message->status.resize(1);
+    core::write_diagnostics(stream_->report(), std::string(get_fully_qualified_name()) + ": masks",
+                            message->status[0]);
     diagnostics_->publish(std::move(message));
   }
 
@@ -227,15 +264,17 @@ class MaskNode : public rclcpp::Node {
   std::string pose_source_, world_frame_;  // read by the worker, so never changed
   core::Warnings warnings_;
   std::optional<core::CameraStream> stream_;
-  std::mutex mutex_;  // of what is below, up to the next empty line
-  core::PoseBuffer poses_;
-  std::string body_frame_, odometry_frame_;
-  CameraInfo::ConstSharedPtr last_info_;
-
+  core::OdometryPoses odometry_poses_;
   std::unique_ptr<tf2_ros::Buffer> tf_;
   std::unique_ptr<tf2_ros::TransformListener> tf_listener_;
-  std::optional<Publishers> publishers_;
-  rclcpp::Publisher<diagnostic_msgs::msg::DiagnosticArray>::SharedPtr diagnostics_;
+  tf2::TimePoint newest_time_{};          // of the poses that the worker asked for
+  CameraInfo::ConstSharedPtr last_info_;  // by std::atomic_load, std::atomic_store
+
+  std::vector<Publisher<Image>> images_;
+  Publisher<CameraInfo> camera_info_;
+  Publisher<msg::ObjectArray> objects_;
+  Publisher<MarkerArray> markers_;
+  Publisher<DiagnosticArray> diagnostics_;
   image_transport::Subscriber color_, depth_;
   rclcpp::SubscriptionBase::SharedPtr info_, labels_, boxes_, odometry_;
   OnSetParametersCallbackHandle::SharedPtr on_set_;

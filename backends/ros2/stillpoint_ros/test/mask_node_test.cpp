@@ -5,7 +5,6 @@
 #include <gtest/gtest.h>
 
 #include <chrono>
-#include <class_loader/class_loader.hpp>
 #include <cstdint>
 #include <cstring>
 #include <diagnostic_msgs/msg/diagnostic_array.hpp>
@@ -15,7 +14,6 @@
 #include <nav_msgs/msg/odometry.hpp>
 #include <opencv2/core.hpp>
 #include <rclcpp/rclcpp.hpp>
-#include <rclcpp_components/node_factory.hpp>
 #include <stillpoint_ros/msg/object_array.hpp>
 #include <string>
 #include <thread>
@@ -23,156 +21,10 @@
 #include <vision_msgs/msg/detection2_d_array.hpp>
 #include <visualization_msgs/msg/marker_array.hpp>
 
-#include "recording.hpp"
+#include "robot.hpp"
 
 namespace stillpoint_ros {
 namespace {
-
-using namespace std::chrono_literals;
-using stillpoint::ros2::Parameters;
-
-constexpr std::int64_t kStart = 1341846313000000000, kStep = 33333333;
-
-std::int64_t stamp_of(const Image& m) {
-  return m.header.stamp.sec * INT64_C(1000000000) + m.header.stamp.nanosec;
-}
-
-stillpoint::Camera camera() {
-  stillpoint::Camera c;
-  c.fx = c.fy = 262.5, c.cx = 159.5, c.cy = 119.5, c.width = 320, c.height = 240;
-  return c;
-}
-
-// A textured figure that walks before a textured wall.
-struct Scene {
-  cv::Mat wall, figure;
-  Scene() : wall(240, 320, CV_8UC3), figure(160, 80, CV_8UC3) {
-    cv::RNG random(5);
-    random.fill(wall, cv::RNG::UNIFORM, 0, 255);
-    random.fill(figure, cv::RNG::UNIFORM, 0, 255);
-  }
-  static cv::Rect place(int i) { return {40 + 3 * i, 60, 80, 160}; }
-  cv::Mat color(int i) const {
-    cv::Mat out = wall.clone();
-    figure.copyTo(out(place(i)));
-    return out;
-  }
-  static cv::Mat depth(int i) {
-    cv::Mat out(240, 320, CV_16UC1, cv::Scalar(4000));
-    out(place(i)).setTo(2000);
-    return out;
-  }
-  static cv::Mat labels(int i) {
-    cv::Mat out = cv::Mat::zeros(240, 320, CV_8UC1);
-    out(place(i)).setTo(1);
-    return out;
-  }
-};
-const Scene& scene() {
-  static const Scene one;
-  return one;
-}
-
-// The component as a container loads it, by its name.
-std::shared_ptr<rclcpp_components::NodeInstanceWrapper> load_node(
-    const std::string& space, bool intra_process, std::vector<rclcpp::Parameter> p) {
-  static class_loader::ClassLoader loader(MASK_NODE);
-  const auto factory = loader.createInstance<rclcpp_components::NodeFactory>(
-      "rclcpp_components::NodeFactoryTemplate<stillpoint_ros::MaskNode>");
-  p.emplace_back("warn_period_s", 0.0);
-  rclcpp::NodeOptions options;
-  options.use_intra_process_comms(intra_process).parameter_overrides(p);
-  options.arguments({"--ros-args", "-r", "__ns:=/" + space});
-  return std::make_shared<rclcpp_components::NodeInstanceWrapper>(
-      factory->create_node_instance(options));
-}
-
-// A camera, its network and who listens, around one MaskNode.
-class Robot {
- public:
-  explicit Robot(const std::string& space, bool intra_process = false,
-                 std::vector<rclcpp::Parameter> parameters = {rclcpp::Parameter("mask_wait_s",
-                                                                                0.1)})
-      : node(load_node(space, intra_process, std::move(parameters))),
-        host(std::make_shared<rclcpp::Node>(
-            "host", space, rclcpp::NodeOptions().use_intra_process_comms(intra_process))) {
-    start_camera();
-    masks = host->create_subscription<Image>(
-        "mask", 10, [this](Image::UniquePtr m) { got.push_back(std::move(m)); });
-    executor.add_node(node->get_node_base_interface());
-    executor.add_node(host);
-    spin(5s, [&] {
-      return color->get_subscription_count() > 0 && depth->get_subscription_count() > 0 &&
-             labels->get_subscription_count() > 0 && info->get_subscription_count() > 0 &&
-             masks->get_publisher_count() > 0;
-    });
-    info->publish(to_message(camera(), kStart));
-    spin(200ms, [] { return false; });
-  }
-
-  void start_camera() {
-    color = host->create_publisher<Image>("color/image", 10);
-    depth = host->create_publisher<Image>("depth/image", 10);
-    labels = host->create_publisher<Image>("labels", 10);
-    info = host->create_publisher<CameraInfo>("color/camera_info", 10);
-  }
-  void stop_camera() { color.reset(), depth.reset(), labels.reset(), info.reset(); }
-
-  template <class Until>
-  bool spin(std::chrono::milliseconds most, Until until) {
-    const auto end = std::chrono::steady_clock::now() + most;
-    while (!until() && std::chrono::steady_clock::now() < end) executor.spin_some(5ms);
-    return until();
-  }
-
-  void send(int i, std::int64_t start = kStart, bool with_depth = true, bool with_labels = true) {
-    const std::int64_t stamp = start + i * kStep;
-    if (with_labels)
-      labels->publish(std::make_unique<Image>(to_message(Scene::labels(i), "mono8", stamp)));
-    if (with_depth)
-      depth->publish(std::make_unique<Image>(to_message(Scene::depth(i), "16UC1", stamp)));
-    color->publish(std::make_unique<Image>(to_message(scene().color(i), "bgr8", stamp)));
-  }
-  // Sends the i-th frame and waits for its mask; nothing if none comes.
-  Image::UniquePtr mask(int i, std::int64_t start = kStart, bool with_depth = true) {
-    const std::size_t before = got.size();
-    send(i, start, with_depth);
-    if (!spin(3s, [&] { return got.size() > before; })) return nullptr;
-    return std::make_unique<Image>(*got.back());
-  }
-
-  std::shared_ptr<rclcpp_components::NodeInstanceWrapper> node;
-  rclcpp::Node::SharedPtr host;
-  rclcpp::executors::SingleThreadedExecutor executor;
-  rclcpp::Publisher<Image>::SharedPtr color, depth, labels;
-  rclcpp::Publisher<CameraInfo>::SharedPtr info;
-  rclcpp::Subscription<Image>::SharedPtr masks;
-  std::vector<Image::UniquePtr> got;
-};
-
-// What the front end makes of the scene without ROS.
-std::vector<cv::Mat> expected(int count) {
-  stillpoint::FrontEnd front_end(Parameters().front_end(), camera());
-  std::vector<cv::Mat> out;
-  for (int i = 0; i < count; ++i) {
-    stillpoint::RgbdFrame frame{scene().color(i), Scene::depth(i),
-                                stillpoint::ros2::seconds(kStart + i * kStep), 1000};
-    stillpoint::Segmentation segmentation;
-    segmentation.available = true;
-    segmentation.instances = stillpoint::instances_from_labels(Scene::labels(i));
-    out.push_back(front_end.compute_mask(frame, segmentation).image.clone());
-  }
-  return out;
-}
-
-void expect_mask(const Image::UniquePtr& m, const cv::Mat& wanted, int i) {
-  ASSERT_TRUE(m) << "no mask of frame " << i;
-  EXPECT_EQ(stamp_of(*m), kStart + i * kStep);
-  EXPECT_EQ(m->header.frame_id, "camera");
-  EXPECT_EQ(m->encoding, "mono8");
-  ASSERT_EQ(m->data.size(), wanted.total());
-  EXPECT_EQ(std::memcmp(m->data.data(), wanted.data, m->data.size()), 0) << i;
-}
 
 TEST(MaskNode, MasksAreTheFrontEndsByteForByteAlsoWhenABagLoops) {
   const std::vector<cv::Mat> wanted = expected(20);
@@ -222,7 +74,7 @@ TEST(MaskNode, TheCameraStopsAndStartsAgain) {
   for (int i = 5; i < 10; ++i) {
     const auto mask = robot.mask(i, kStart + 5000000000);
     ASSERT_TRUE(mask) << i;
-    EXPECT_EQ(stamp_of(*mask), kStart + 5000000000 + i * kStep);
+    EXPECT_EQ(stillpoint::ros2::stamp_of(mask->header), kStart + 5000000000 + i * kStep);
   }
 }
 
@@ -233,7 +85,7 @@ TEST(MaskNode, DepthStopsAndComesBack) {
   for (int i = 5; i < 30; ++i) robot.send(i, kStart, false), robot.spin(20ms, [] { return false; });
   EXPECT_TRUE(robot.spin(3s, [&] { return robot.got.size() == 30; })) << robot.got.size();
   ASSERT_TRUE(robot.mask(30));
-  EXPECT_EQ(stamp_of(*robot.got.back()), kStart + 30 * kStep);
+  EXPECT_EQ(stillpoint::ros2::stamp_of(robot.got.back()->header), kStart + 30 * kStep);
 }
 
 TEST(MaskNode, OutputsBelongTogether) {

@@ -19,11 +19,6 @@ namespace stillpoint::ros2 {
 
 namespace detail {
 
-inline std::string text(double value) {
-  std::string s = std::to_string(value);
-  return s.find('.') == std::string::npos ? s : s.substr(0, s.find('.') + 4);
-}
-
 // OpenCV's rational model: the radius r becomes r * radial(r^2).
 struct RationalLens {
   std::array<double, 8> d;

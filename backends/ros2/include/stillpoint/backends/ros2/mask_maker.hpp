@@ -25,7 +25,7 @@ namespace stillpoint::ros2 {
 /// The topics' names, for warnings.
 struct TopicNames {
   std::string color = "color/image", depth = "depth/image", camera_info = "color/camera_info",
-              segmentation = "labels";
+              segmentation = "labels", poses = "odometry";
 };
 
 /// A frame whose mask is made.
@@ -44,13 +44,15 @@ struct StreamFrame {
 /// thread-safe.
 class MaskMaker {
  public:
-  /// The camera's pose in a world that stands still, at a stamp, if it is known.
-  using PoseAt = std::function<std::optional<Eigen::Isometry3d>(Nanoseconds stamp,
-                                                                const std::string& frame_id)>;
+  /// The pose of the camera `frame_id` in a world that stands still, at a stamp. Returns an empty
+  /// text, or what was expected and found.
+  using PoseAt = std::function<std::string(Nanoseconds stamp, const std::string& frame_id,
+                                           Eigen::Isometry3d& T_world_camera)>;
   /// Is told of what cannot be used: the topic, what of it, what was expected and found.
   using Refuse = std::function<void(const std::string& topic, const std::string& what,
                                     const std::string& problem)>;
 
+  /// Without `pose_at`, the front end has its own estimate only.
   MaskMaker(TopicNames topics, Refuse refuse, PoseAt pose_at)
       : topics_(std::move(topics)), refuse_(std::move(refuse)), pose_at_(std::move(pose_at)) {}
 
@@ -171,8 +173,21 @@ class MaskMaker {
     return segmentation;
   }
 
-  std::optional<Eigen::Isometry3d> pose(Nanoseconds stamp) const {
-    return pose_at_ ? pose_at_(stamp, frame_.color.frame_id) : std::nullopt;
+  std::optional<Eigen::Isometry3d> pose(Nanoseconds stamp, std::string& problem) const {
+    Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+    problem = pose_at_ ? pose_at_(stamp, frame_.color.frame_id, T) : "none are expected";
+    return problem.empty() ? std::optional(T) : std::nullopt;
+  }
+
+  // A pose may come after its frame was processed, so it is missing only if the next frame does not
+  // find it either.
+  std::optional<Eigen::Isometry3d> last_pose() const {
+    if (stamps_.empty()) return std::nullopt;
+    std::string problem;
+    const std::optional<Eigen::Isometry3d> T_last = pose(stamps_.back(), problem);
+    if (!T_last && pose_at_)
+      refuse_(topics_.poses, "pose", problem + "; the camera's motion is estimated by the images");
+    return T_last;
   }
 
   void begin_front_end() {
@@ -188,10 +203,10 @@ class MaskMaker {
       refuse_(topics_.camera_info, "calibration",
               "expected one, found no message so far; masks are made without");
     const Nanoseconds now = frame_.color.stamp;
-    const std::optional<Eigen::Isometry3d> T_now = pose(now);
-    std::optional<Eigen::Isometry3d> T_last, T_current_last;
-    if (!stamps_.empty()) T_last = pose(stamps_.back());
-    if (T_last && !pose_told_) front_end_->correct_pose(*T_last);  // it came after its frame
+    std::string problem;
+    const std::optional<Eigen::Isometry3d> T_now = pose(now, problem), T_last = last_pose();
+    std::optional<Eigen::Isometry3d> T_current_last;
+    if (T_last && !pose_told_) front_end_->correct_pose(*T_last);
     if (T_last && T_now) T_current_last = T_now->inverse() * *T_last;
     front_end_->compute_mask(frame_.frame, read_segmentation(messages), T_current_last);
     if (T_now) front_end_->correct_pose(*T_now);

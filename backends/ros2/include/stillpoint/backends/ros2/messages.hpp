@@ -24,6 +24,16 @@ inline Nanoseconds nanoseconds(double s) {
   return static_cast<Nanoseconds>(whole) * 1000000000 + std::llround((s - whole) * 1e9);
 }
 
+namespace detail {
+
+// With three decimals.
+inline std::string text(double value) {
+  std::string s = std::to_string(value);
+  return s.find('.') == std::string::npos ? s : s.substr(0, s.find('.') + 4);
+}
+
+}  // namespace detail
+
 /// The fields of sensor_msgs/Image. Copies share the bytes, which belong to `owner`.
 struct ImageMessage {
   Nanoseconds stamp = 0;

@@ -123,6 +123,13 @@ inline const std::vector<ParameterDescription>& parameter_descriptions() {
   return all;
 }
 
+/// Whether there is one of that name.
+inline bool is_parameter(const std::string& name) {
+  const std::vector<ParameterDescription>& all = parameter_descriptions();
+  return std::any_of(all.begin(), all.end(),
+                     [&](const ParameterDescription& d) { return name == d.name; });
+}
+
 namespace detail {
 
 template <class To, class From>

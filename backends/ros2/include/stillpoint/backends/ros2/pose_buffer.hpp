@@ -5,7 +5,9 @@
 #include <algorithm>
 #include <cstddef>
 #include <deque>
+#include <mutex>
 #include <optional>
+#include <string>
 
 #include "stillpoint/backends/ros2/messages.hpp"
 
@@ -29,6 +31,11 @@ class PoseBuffer {
     poses_.push_back({stamp, T_world_body});
     if (poses_.size() > most_) poses_.pop_front();
   }
+
+  bool empty() const { return poses_.empty(); }
+  /// The stamps of the first and the last pose; not to be asked where there is none.
+  Nanoseconds begin() const { return poses_.front().stamp; }
+  Nanoseconds end() const { return poses_.back().stamp; }
 
   /// The pose at `stamp`, between its neighbors; nothing before the first and after the last.
   /// O(log n).
@@ -58,6 +65,53 @@ class PoseBuffer {
   Nanoseconds max_gap_;
   std::size_t most_;
   std::deque<Pose, Eigen::aligned_allocator<Pose>> poses_;
+};
+
+/// Odometry as it comes, to be asked where a camera on its body was. Thread-safe.
+class OdometryPoses {
+ public:
+  /// nav_msgs/Odometry: frame_id of its header, child_frame_id, pose.
+  void add(Nanoseconds stamp, const std::string& world_frame, const std::string& body_frame,
+           const Eigen::Isometry3d& T_world_body) {
+    const std::lock_guard<std::mutex> guard(mutex_);
+    world_frame_ = world_frame, body_frame_ = body_frame;
+    poses_.add(stamp, T_world_body);
+  }
+
+  std::string world_frame() const {
+    const std::lock_guard<std::mutex> guard(mutex_);
+    return world_frame_;
+  }
+
+  /// The pose of the frame `camera` at `stamp`. `transform(body, camera, T_body_camera)` says where
+  /// the camera is on the body; it returns an empty text, or a problem. So does this; `T` is then
+  /// as it was.
+  template <class Transform>
+  std::string at(Nanoseconds stamp, const std::string& camera, Transform transform,
+                 Eigen::Isometry3d& T) const {
+    std::unique_lock<std::mutex> guard(mutex_);
+    const std::optional<Eigen::Isometry3d> T_world_body = poses_.at(stamp);
+    if (!T_world_body)
+      return "expected poses before and after the stamp " + detail::text(seconds(stamp)) +
+             ", at most 0.2 s apart, found " +
+             (poses_.empty() ? "none"
+                             : "them from " + detail::text(seconds(poses_.begin())) + " to " +
+                                   detail::text(seconds(poses_.end())));
+    const std::string body = body_frame_;
+    guard.unlock();
+    Eigen::Isometry3d T_body_camera = Eigen::Isometry3d::Identity();
+    if (!body.empty() && body != camera) {
+      const std::string problem = transform(body, camera, T_body_camera);
+      if (!problem.empty()) return problem;
+    }
+    T = *T_world_body * T_body_camera;
+    return "";
+  }
+
+ private:
+  mutable std::mutex mutex_;
+  PoseBuffer poses_;
+  std::string world_frame_, body_frame_;
 };
 
 }  // namespace stillpoint::ros2
