@@ -64,7 +64,7 @@ inline OutputImage overlay_output(const StreamFrame& frame, const cv::Mat& mask)
 }  // namespace detail
 
 /// All of them. docs/ros2.md has them in a table.
-constexpr std::array<ImageOutput, 5> kImageOutputs = {{
+inline constexpr std::array<ImageOutput, 5> kImageOutputs = {{
     {"mask", detail::mask_output},
     {"static_mask", detail::static_mask_output},
     {"depth_static", detail::depth_static_output},

@@ -186,7 +186,7 @@ class MaskMaker {
     std::string problem;
     const std::optional<Eigen::Isometry3d> T_last = pose(stamps_.back(), problem);
     if (!T_last && pose_at_)
-      refuse_(topics_.poses, "pose", problem + "; the camera's motion is estimated by the images");
+      refuse_(topics_.poses, "pose", "the images alone tell the camera's motion; " + problem);
     return T_last;
   }
 
