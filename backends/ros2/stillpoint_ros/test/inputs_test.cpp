@@ -7,10 +7,12 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <cstring>
 #include <image_transport/image_transport.hpp>
 #include <nav_msgs/msg/odometry.hpp>
 #include <opencv2/core.hpp>
 #include <rclcpp/rclcpp.hpp>
+#include <rosgraph_msgs/msg/clock.hpp>
 #include <stillpoint_ros/msg/object_array.hpp>
 #include <string>
 #include <tf2_msgs/msg/tf_message.hpp>
@@ -135,6 +137,35 @@ TEST(MaskNode, TfMayBeMissingLateJumpAndBeginAnew) {
     const double found = x(i, again);
     if (i > 1) EXPECT_NEAR(found, 7.1, 0.1) << "a bag that loops, " << i;
   }
+}
+
+// As Gazebo does it: time comes by /clock, begins near 0, and again when the simulation restarts.
+TEST(MaskNode, ASimulationRestarts) {
+  const std::vector<cv::Mat> wanted = expected(10);
+  auto parameters = with_poses("tf");
+  parameters.emplace_back("use_sim_time", true);
+  Robot robot("simulation", false, parameters);
+  const auto clock = robot.host->create_publisher<rosgraph_msgs::msg::Clock>("/clock", 10);
+  Tf tf(*robot.host);
+  Objects objects(robot);
+  for (const std::int64_t start : {INT64_C(100000000000), INT64_C(2000000000), INT64_C(1000000000)})
+    for (int i = 0; i < 10; ++i) {
+      rosgraph_msgs::msg::Clock now;
+      now.clock = to_message(scene().wall, "bgr8", start + i * kStep).header.stamp;
+      clock->publish(now);
+      robot.spin(10ms, [] { return false; });
+      tf.send(i, 5, start);
+      robot.spin(20ms, [] { return false; });
+      const msg::Object* const object = objects.of(i, start);
+      ASSERT_TRUE(object) << i << " from " << start;
+      EXPECT_EQ(std::memcmp(robot.got.back()->data.data(), wanted[static_cast<std::size_t>(i)].data,
+                            wanted[0].total()),
+                0)
+          << i << " from " << start;
+      if (i < 2) continue;  // TF may have been cleared with the jump
+      ASSERT_EQ(object->in_world.size(), 1u) << i << " from " << start;
+      EXPECT_NEAR(object->in_world[0].position.x, 7.1, 0.1);
+    }
 }
 
 TEST(MaskNode, CompressedImagesGiveTheSameMasks) {
