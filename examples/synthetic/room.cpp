@@ -83,7 +83,7 @@ void furnish_wall(Furnisher& make, const Frame& f, double wide, double deepest) 
 
 }  // namespace
 
-RoomPlan build_room(StaticScene& scene, std::uint64_t seed) {
+RoomPlan build_room(StaticScene& scene, std::uint64_t seed, bool pillar) {
   RoomPlan plan;
   Furnisher make(scene, hash(seed, 0xf00d));
   const RoomExtent room = plan.extent;
@@ -116,6 +116,8 @@ RoomPlan build_room(StaticScene& scene, std::uint64_t seed) {
   }
   plan.hinge = placed(-1.25, -0.52, 0);
   plan.door_texture = make.door_texture(), plan.carton_texture = make.carton_texture();
+
+  if (pillar) make.box(placed(0, -2.1, 0), {0.4, 0.1, 2.6}, make.plaster_texture(), 170);
 
   make_light_maps(scene, room);
   return plan;

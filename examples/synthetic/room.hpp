@@ -22,6 +22,7 @@ struct RoomPlan {
 /// cabinet at 2 m, a low table and a partition at 2.4 m, a desk with monitors at 3.8 m, walls with
 /// bookcases, posters and photos at 7 m. Between them lie the lanes on which people walk
 /// (synthetic_people.hpp), and a corridor of the camera around all of it.
-RoomPlan build_room(StaticScene& scene, std::uint64_t seed);
+/// With `pillar`, one stands 0.8 m before the camera, 0.4 m wide.
+RoomPlan build_room(StaticScene& scene, std::uint64_t seed, bool pillar = false);
 
 }  // namespace stillpoint::synthetic

@@ -14,7 +14,7 @@ namespace stillpoint {
 SyntheticSequence::SyntheticSequence(const SyntheticSettings& settings)
     : settings_(synthetic::checked_settings(settings)),
       path_(settings.motion, settings.seed),
-      plan_(synthetic::build_room(scene_, settings.seed)),
+      plan_(synthetic::build_room(scene_, settings.seed, settings.pillar)),
       people_(scene_, plan_, settings.people, settings.seated, settings.carried_object,
               settings.movers > 0, pans_left(), settings.seed),
       movers_(plan_, settings.movers, settings.seed) {

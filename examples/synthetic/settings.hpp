@@ -24,6 +24,8 @@ struct SyntheticSettings {
   bool carried_object = true;
   /// 0 = none, 1 = a pushed carton, 2 = also a swinging door.
   int movers = 0;
+  /// A pillar between the camera and the people who walk closest to it.
+  bool pillar = false;
   /// 0 = 150, or the whole way for SyntheticMotion::kLoop.
   int frames = 0;
   double fps = 30;

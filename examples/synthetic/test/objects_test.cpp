@@ -5,6 +5,7 @@
 
 #include <cmath>
 #include <cstdio>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -30,13 +31,34 @@ struct Case {
   int people;
   /// Frames from one result of the network to the next; 0: no network.
   int every;
+  bool pillar = false;
 };
 
-ObjectMetrics judge(const Case& c) {
+/// Counts who goes out of sight and comes back.
+class Hidden {
+ public:
+  void add(const SyntheticFrame& frame) {
+    for (const SyntheticBlur& b : frame.blur) {
+      if (b.label == 0) continue;
+      int& unseen = unseen_frames_.try_emplace(b.label, 0).first->second;
+      times_ += unseen >= kLeastFrames;
+      unseen = -1;
+    }
+    for (auto& person : unseen_frames_) ++person.second;
+  }
+  int times() const { return times_; }
+
+ private:
+  static constexpr int kLeastFrames = 3;
+  std::map<int, int> unseen_frames_;  // by label
+  int times_ = 0;
+};
+
+ObjectMetrics judge(const Case& c, Hidden* hidden = nullptr) {
   SyntheticSettings settings;
   settings.motion = c.motion, settings.people = c.people;
   settings.width = 320, settings.height = 240, settings.frames = 60;
-  settings.carried_object = false;
+  settings.carried_object = false, settings.pillar = c.pillar;
   const SyntheticSequence sequence(settings);
   FrontEnd front_end({}, sequence.camera());
   ObjectMetrics metrics(1);
@@ -50,6 +72,7 @@ ObjectMetrics judge(const Case& c) {
       given.instances = instances_from_labels(degraded_masks(sequence, rendered, i));
     front_end.compute_mask(frame, given);
     front_end.correct_pose(rendered.T_world_camera);
+    if (hidden) hidden->add(rendered);
 
     std::vector<ObjectPlace> truth, found;
     const double t = sequence.seconds(i), step = 1 / 30.0;
@@ -93,6 +116,17 @@ TEST(Objects, AreFollowedOnRenderedPeople) {
   const ObjectMetrics crossing = judge({"xyz, 30 Hz", SyntheticMotion::kXyz, 2, 1});
   EXPECT_GT(crossing.mota(), 0.75);
   EXPECT_LT(crossing.motp_m(), 0.3);
+}
+
+TEST(Objects, WhoWalksBehindAPillarKeepsHisId) {
+  for (const Case& c : {Case{"pillar, 30 Hz", SyntheticMotion::kStatic, 2, 1, true},
+                        Case{"pillar, no network", SyntheticMotion::kStatic, 2, 0, true}}) {
+    Hidden hidden;
+    const ObjectMetrics metrics = judge(c, &hidden);
+    EXPECT_EQ(hidden.times(), 2) << c.name;
+    EXPECT_EQ(metrics.id_switches(), 0) << c.name;
+    EXPECT_GT(metrics.coverage(), 0.8) << c.name;
+  }
 }
 
 }  // namespace
