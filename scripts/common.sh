@@ -13,7 +13,7 @@ packages_test=("${packages_build[@]}" ccache clang libgtest-dev libbenchmark-dev
                python3-dev python3-venv python3-pip python3-build python3-setuptools python3-wheel
                python3-numpy pybind11-dev)
 # What one test each needs, and skips without. Debian has them, not every Ubuntu does.
-packages_optional=(chromium python3-open3d)
+packages_optional=(chromium colmap python3-open3d)
 
 # Prints which of the given Debian packages are not installed.
 missing_packages() {
