@@ -1,9 +1,7 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #pragma once
 
-// The whole library but what reads files (stillpoint/io/, needs imgcodecs) and what tests use
-// (stillpoint/testing/).
-#include "stillpoint/core/associate.hpp"
+// The whole algorithm: all headers of include/.
 #include "stillpoint/core/camera.hpp"
 #include "stillpoint/core/distortion.hpp"
 #include "stillpoint/core/error.hpp"
@@ -20,19 +18,6 @@
 #include "stillpoint/core/stopwatch.hpp"
 #include "stillpoint/core/trajectory.hpp"
 #include "stillpoint/depth/depth_mask_fuser.hpp"
-#include "stillpoint/evaluation/alignment.hpp"
-#include "stillpoint/evaluation/bonn_ground_truth.hpp"
-#include "stillpoint/evaluation/bootstrap.hpp"
-#include "stillpoint/evaluation/coverage.hpp"
-#include "stillpoint/evaluation/error_statistics.hpp"
-#include "stillpoint/evaluation/ghost_metrics.hpp"
-#include "stillpoint/evaluation/keypoint_metrics.hpp"
-#include "stillpoint/evaluation/mask_metrics.hpp"
-#include "stillpoint/evaluation/object_metrics.hpp"
-#include "stillpoint/evaluation/relative_error.hpp"
-#include "stillpoint/evaluation/stage_timing.hpp"
-#include "stillpoint/evaluation/timestamps.hpp"
-#include "stillpoint/evaluation/trajectory_error.hpp"
 #include "stillpoint/front_end.hpp"
 #include "stillpoint/front_end_settings.hpp"
 #include "stillpoint/keypoints/feature_budget.hpp"
@@ -45,7 +30,6 @@
 #include "stillpoint/motion/motion_check.hpp"
 #include "stillpoint/objects/object_tracker.hpp"
 #include "stillpoint/segmentation/detection_thread.hpp"
-#include "stillpoint/segmentation/network_segmenter.hpp"
 #include "stillpoint/segmentation/segmentation_compensator.hpp"
 #include "stillpoint/segmentation/segmenter.hpp"
 #include "stillpoint/sensor/sensor_model.hpp"

@@ -45,9 +45,8 @@ class DepthRegistration {
     take_points(cells);
     Result result{prior, 0};
     for (int i = 0; i < kSteps; ++i) {
-      // From far few agree exactly.
-      const bool coarse = i < 2;
-      compare(cells, result.T_map_depth, i == 0 ? 3.0f : i == 1 ? 2.0f : 1.0f, coarse ? 4 : 1);
+      // From far few agree exactly, and few points are enough.
+      compare(cells, result.T_map_depth, i == 0 ? 3.0f : i == 1 ? 2.0f : 1.0f, i < 2 ? 4 : 2);
       if (weight_.size() < kFewest) return std::nullopt;
       result.fit = static_cast<double>(agreeing_) / static_cast<double>(compared_);
       const double step = improve(prior, rotation_sigma, translation_sigma_m, result.T_map_depth);

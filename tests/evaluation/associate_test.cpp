@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-2-Clause
-#include "stillpoint/core/associate.hpp"
+#include "stillpoint/evaluation/associate.hpp"
 
 #include <gtest/gtest.h>
 

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "stillpoint/core/associate.hpp"
+#include "stillpoint/evaluation/associate.hpp"
 #include "stillpoint/core/error.hpp"
 #include "stillpoint/core/trajectory.hpp"
 

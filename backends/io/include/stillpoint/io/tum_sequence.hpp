@@ -8,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-#include "stillpoint/core/associate.hpp"
+#include "stillpoint/evaluation/associate.hpp"
 #include "stillpoint/core/camera.hpp"
 #include "stillpoint/core/frame.hpp"
 #include "stillpoint/io/camera_file.hpp"
