@@ -32,13 +32,12 @@ inline stillpoint::Segmentation result(std::vector<stillpoint::Instance> instanc
 }
 
 /// The instances as one mask of the whole image, 255 where one of them is.
-inline cv::Mat picture_of(const std::vector<stillpoint::Instance>& instances,
-                          const cv::Size& size) {
+inline cv::Mat mask_of(const std::vector<stillpoint::Instance>& instances, const cv::Size& size) {
   return stillpoint::mask_from_instances(instances, size);
 }
 
 /// A mask of the whole image, 255 in the rectangles.
-inline cv::Mat picture_of(const std::vector<cv::Rect>& boxes, const cv::Size& size) {
+inline cv::Mat mask_of(const std::vector<cv::Rect>& boxes, const cv::Size& size) {
   cv::Mat all = cv::Mat::zeros(size, CV_8UC1);
   for (const cv::Rect& box : boxes) all(box & cv::Rect(cv::Point(), size)).setTo(255);
   return all;

@@ -16,10 +16,10 @@ namespace {
 const cv::Scalar kGreen(80, 220, 60), kRed(60, 60, 240), kYellow(40, 230, 255);
 constexpr int kStrip = 26;
 
-int write(cv::Mat& picture, int x, const std::string& words, const cv::Scalar& color) {
-  const int baseline = picture.rows - 9;
+int write(cv::Mat& image, int x, const std::string& words, const cv::Scalar& color) {
+  const int baseline = image.rows - 9;
   int ignored = 0;
-  cv::putText(picture, words, {x, baseline}, cv::FONT_HERSHEY_SIMPLEX, 0.42, color, 1, cv::LINE_AA);
+  cv::putText(image, words, {x, baseline}, cv::FONT_HERSHEY_SIMPLEX, 0.42, color, 1, cv::LINE_AA);
   return x + cv::getTextSize(words, cv::FONT_HERSHEY_SIMPLEX, 0.42, 1, &ignored).width;
 }
 
@@ -28,8 +28,8 @@ int write(cv::Mat& picture, int x, const std::string& words, const cv::Scalar& c
 cv::Mat draw_overlay(const cv::Mat& color, const DynamicMask& mask,
                      const std::vector<cv::Point2f>& kept, const std::vector<cv::Point2f>& removed,
                      double timestamp) {
-  cv::Mat picture(color.rows + kStrip, color.cols, CV_8UC3, cv::Scalar(30, 30, 30));
-  cv::Mat view = picture.rowRange(0, color.rows);
+  cv::Mat image(color.rows + kStrip, color.cols, CV_8UC3, cv::Scalar(30, 30, 30));
+  cv::Mat view = image.rowRange(0, color.rows);
   if (color.channels() == 1)
     cv::cvtColor(color, view, cv::COLOR_GRAY2BGR);
   else
@@ -49,15 +49,15 @@ cv::Mat draw_overlay(const cv::Mat& color, const DynamicMask& mask,
   char words[64];
   std::snprintf(words, sizeof words, "t = %.3f s", timestamp);
   const cv::Scalar white(235, 235, 235);
-  int x = write(picture, 8, words, white) + 18;
+  int x = write(image, 8, words, white) + 18;
   // A narrow image has no room for the legend.
-  if (picture.cols >= 480) {
-    x = write(picture, x, "kept " + std::to_string(kept.size()), kGreen) + 14;
-    x = write(picture, x, "removed " + std::to_string(removed.size()), kRed) + 14;
+  if (image.cols >= 480) {
+    x = write(image, x, "kept " + std::to_string(kept.size()), kGreen) + 14;
+    x = write(image, x, "removed " + std::to_string(removed.size()), kRed) + 14;
     std::snprintf(words, sizeof words, "mask %.1f %%", 100 * share);
-    write(picture, x, words, kYellow);
+    write(image, x, words, kYellow);
   }
-  return picture;
+  return image;
 }
 
 void draw_objects(cv::Mat& overlay, const std::vector<DynamicObject>& objects,
@@ -93,11 +93,11 @@ cv::Mat draw_stages(const RgbdFrame& frame, const cv::Mat& truth,
   cv::Mat color = frame.color;
   if (color.channels() == 1) cv::cvtColor(frame.color, color, cv::COLOR_GRAY2BGR);
   int next = 0;
-  const auto place = [&](const cv::Mat& picture, const std::string& words) {
+  const auto place = [&](const cv::Mat& image, const std::string& words) {
     cv::Mat part =
         sheet({next % columns * cell.width, next / columns * cell.height, cell.width, cell.height});
     cv::Mat view = part.rowRange(0, cell.height - kStrip);
-    cv::resize(picture, view, view.size(), 0, 0, cv::INTER_AREA);
+    cv::resize(image, view, view.size(), 0, 0, cv::INTER_AREA);
     write(part, 8, words, cv::Scalar(235, 235, 235));
     ++next;
   };
@@ -112,13 +112,13 @@ cv::Mat draw_stages(const RgbdFrame& frame, const cv::Mat& truth,
     tints.setTo(kGreen, stage & truth);
     tints.setTo(kRed, truth & ~stage);
     tints.setTo(cv::Scalar(255, 120, 40), stage & ~truth);
-    cv::Mat picture;
-    cv::addWeighted(gray, 0.5, tints, 0.5, 0, picture);
+    cv::Mat image;
+    cv::addWeighted(gray, 0.5, tints, 0.5, 0, image);
     const double right = cv::countNonZero(stage & truth), all = cv::countNonZero(truth),
                  said = cv::countNonZero(stage);
     std::snprintf(words, sizeof words, "%s: recall %.2f precision %.2f", name.c_str(),
                   all > 0 ? right / all : 1, said > 0 ? right / said : 1);
-    place(picture, words);
+    place(image, words);
   }
   cv::Mat last = draw_overlay(color, mask, kept, {}, frame.timestamp);
   place(last.rowRange(0, color.rows), "kept keypoints: " + std::to_string(kept.size()));

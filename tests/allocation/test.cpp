@@ -175,7 +175,7 @@ TEST(AllocationCounter, CountsPicturesAndVectors) {
   static CountingMatAllocator counting;
   cv::Mat::setDefaultAllocator(&counting);
   const long before = allocations;
-  const cv::Mat picture(10, 10, CV_8UC1);
+  const cv::Mat image(10, 10, CV_8UC1);
   EXPECT_GT(allocations, before);
   cv::Mat::setDefaultAllocator(cv::Mat::getStdAllocator());
   const long between = allocations;

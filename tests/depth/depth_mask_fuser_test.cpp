@@ -24,7 +24,7 @@ FlatScene room() {
 }
 const Figure kPerson{{140, 79, 38, 139}, 3.2f, 1};
 
-cv::Mat person_mask() { return picture_of(std::vector<cv::Rect>{kPerson.box}, room().size); }
+cv::Mat person_mask() { return mask_of(std::vector<cv::Rect>{kPerson.box}, room().size); }
 
 struct Score {
   double recall, precision;
@@ -55,7 +55,7 @@ cv::Mat paper_reference(const RgbdFrame& frame, const std::vector<Instance>& ins
                         const Settings& settings, cv::Mat& doubtful) {
   const cv::Size size = frame.color.size();
   const StratifiedSamples samples(settings.cell_px, settings.seed);
-  cv::Mat out = picture_of(instances, size);
+  cv::Mat out = mask_of(instances, size);
   doubtful = cv::Mat::zeros(size, CV_8UC1);
   for (const Instance& s : instances) {
     if (s.mask.empty()) out(s.box).setTo(0);
@@ -216,7 +216,7 @@ TEST(DepthMaskFuser, TakesThePersonEvenIfTheWallIsMost) {
 TEST(DepthMaskFuser, KeepsASecondPersonInOneMask) {
   for (const float second_m : {1.6f, 4.2f}) {
     const Figure other{{190, 90, 34, 70}, second_m, 2};
-    const cv::Mat both = picture_of(std::vector<cv::Rect>{kPerson.box, other.box}, room().size);
+    const cv::Mat both = mask_of(std::vector<cv::Rect>{kPerson.box, other.box}, room().size);
     const Score s = score(fused(room(), {kPerson, other}, {instance_from_mask(both)}), both);
     EXPECT_GT(s.recall, 0.97) << second_m;
     EXPECT_GT(s.precision, 0.97) << second_m;
@@ -225,10 +225,10 @@ TEST(DepthMaskFuser, KeepsASecondPersonInOneMask) {
 
 TEST(DepthMaskFuser, KeepsASecondPersonInAMaskThatWasCarriedALittleAside) {
   const Figure near{{60, 79, 70, 139}, 1.2f, 1}, other{{190, 60, 60, 100}, 1.8f, 2};
-  const cv::Mat truth = picture_of(std::vector<cv::Rect>{near.box, other.box}, room().size);
+  const cv::Mat truth = mask_of(std::vector<cv::Rect>{near.box, other.box}, room().size);
   const cv::Point aside(-6, 0);
   Instance both = instance_from_mask(
-      picture_of(std::vector<cv::Rect>{near.box + aside, other.box + aside}, room().size));
+      mask_of(std::vector<cv::Rect>{near.box + aside, other.box + aside}, room().size));
   both.predicted = true;
   const RgbdFrame frame = room().frame(0, {near, other});
   Settings settings;
@@ -251,12 +251,12 @@ TEST(DepthMaskFuser, KeepsASecondPersonBesideWhomNothingIsMeasured) {
   const FlatScene scene = room();
   RgbdFrame frame = scene.frame(0, {kPerson, other});
   // The shadow of a depth camera.
-  cv::Mat shadow = picture_of(std::vector<cv::Rect>{{other.box.x - 16, other.box.y - 16,
-                                                     other.box.width + 32, other.box.height + 32}},
-                              scene.size);
+  cv::Mat shadow = mask_of(std::vector<cv::Rect>{{other.box.x - 16, other.box.y - 16,
+                                                  other.box.width + 32, other.box.height + 32}},
+                           scene.size);
   shadow(other.box).setTo(0), shadow(kPerson.box).setTo(0);
   frame.depth.setTo(0, shadow);
-  const cv::Mat both = picture_of(std::vector<cv::Rect>{kPerson.box, other.box}, scene.size);
+  const cv::Mat both = mask_of(std::vector<cv::Rect>{kPerson.box, other.box}, scene.size);
   DepthMaskFuser fuser(Settings(), scene.camera());
   EXPECT_GT(score(undilated(fuser, frame, {instance_from_mask(both)}), both).recall, 0.97);
 }
@@ -282,7 +282,7 @@ TEST(DepthMaskFuser, HasLargerCellsInWiderImages) {
       gaps(cv::Rect(x, y, 6, 6)).setTo(255);
   frame.depth.setTo(5 * 4900, gaps);
   DepthMaskFuser fuser(Settings(), scene.camera());
-  const cv::Mat mask = picture_of(std::vector<cv::Rect>{person.box}, scene.size);
+  const cv::Mat mask = mask_of(std::vector<cv::Rect>{person.box}, scene.size);
   const cv::Mat filled = undilated(fuser, frame, {instance_from_mask(mask)}) & gaps;
   EXPECT_GT(pixels(filled), 0.5 * pixels(gaps));
 }
@@ -292,7 +292,7 @@ TEST(DepthMaskFuser, JoinsACarriedObject) {
   const Figure carried{{172, 120, 24, 26}, 3.15f, 2};
   Instance seen = box_instance(kPerson.box, room().size);
   const cv::Mat out = fused(room(), {kPerson, carried}, {seen});
-  const cv::Mat both = picture_of(std::vector<cv::Rect>{kPerson.box, carried.box}, room().size);
+  const cv::Mat both = mask_of(std::vector<cv::Rect>{kPerson.box, carried.box}, room().size);
   EXPECT_GT(score(out, both).recall, 0.97);
   EXPECT_GT(score(out, both).precision, 0.96);
 }
@@ -426,9 +426,9 @@ TEST(DepthMaskFuser, SeparatesTwoPeople) {
   fuser.fuse(scene.frame(0, {kPerson, other}),
              result({box_instance(kPerson.box, scene.size), box_instance(other.box, scene.size)}));
   ASSERT_EQ(fuser.instances().size(), 2u);
-  EXPECT_GT(iou(picture_of({fuser.instances()[0]}, scene.size), person_mask()), 0.95);
-  EXPECT_GT(iou(picture_of({fuser.instances()[1]}, scene.size),
-                picture_of(std::vector<cv::Rect>{other.box}, scene.size)),
+  EXPECT_GT(iou(mask_of({fuser.instances()[0]}, scene.size), person_mask()), 0.95);
+  EXPECT_GT(iou(mask_of({fuser.instances()[1]}, scene.size),
+                mask_of(std::vector<cv::Rect>{other.box}, scene.size)),
             0.95);
 }
 
@@ -481,7 +481,7 @@ TEST_P(DepthMaskFuserMethods, ReadsAnyCodingOfDepthAlike) {
 
 TEST_P(DepthMaskFuserMethods, WithoutDepthTheMaskStaysAsGiven) {
   const FlatScene scene = room();
-  const cv::Mat given = picture_of(instances(), scene.size);
+  const cv::Mat given = mask_of(instances(), scene.size);
   RgbdFrame frame = scene.frame(0, {kPerson});
   DepthMaskFuser f = fuser();
   f.fuse(frame, result(instances()), false);
@@ -607,7 +607,7 @@ TEST_P(DepthMaskFuserMethods, TakesAnyCellAndAnyBox) {
       const Instance& out = f.instances()[0];
       ASSERT_EQ(out.box & cv::Rect(cv::Point(), scene.size), out.box);
       ASSERT_EQ(out.mask.size(), out.box.size());
-      ASSERT_TRUE(identical(picture_of({out}, scene.size), f.undilated()));
+      ASSERT_TRUE(identical(mask_of({out}, scene.size), f.undilated()));
     }
   }
 }
@@ -618,7 +618,7 @@ TEST_P(DepthMaskFuserMethods, UnitesMasksThatOverlap) {
   const std::vector<Instance> twice{box_instance(kPerson.box, scene.size),
                                     box_instance({150, 90, 20, 60}, scene.size)};
   const cv::Mat out = undilated(f, scene.frame(0, {kPerson}), twice);
-  EXPECT_TRUE(identical(out, picture_of(f.instances(), scene.size)));
+  EXPECT_TRUE(identical(out, mask_of(f.instances(), scene.size)));
   EXPECT_GT(score(out, person_mask()).recall, 0.99);
 }
 

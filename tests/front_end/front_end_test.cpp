@@ -44,7 +44,7 @@ struct Walk {
     for (const Figure& f : figures(i)) instances.push_back(box_instance(f.box, scene.size));
     return instances;
   }
-  cv::Mat truth(int i) const { return picture_of(people(i), scene.size); }
+  cv::Mat truth(int i) const { return mask_of(people(i), scene.size); }
   // Frames with misses of each kind: whole, partly, no result.
   Segmentation damaged(int i) const {
     if (i % 8 == 5) return Segmentation();
@@ -161,7 +161,7 @@ TEST(FrontEnd, RawMaskIsTheSegmentersOwn) {
   for (int i = 0; i < 10; ++i) {
     const Segmentation given = walk.damaged(i);
     front_end.compute_mask(walk.frame(i), given);
-    EXPECT_TRUE(identical(front_end.raw_mask(), picture_of(given.instances, walk.scene.size)));
+    EXPECT_TRUE(identical(front_end.raw_mask(), mask_of(given.instances, walk.scene.size)));
   }
 }
 
@@ -189,7 +189,7 @@ TEST(FrontEnd, WithoutDepthFusionTheMaskIsTheUnion) {
   std::vector<Instance> careless = walk.people(0);
   careless[0] = box_instance({30, 60, 90, 170}, walk.scene.size);
   front_end.compute_mask(walk.frame(0), result(careless));
-  EXPECT_TRUE(identical(front_end.undilated_mask(), picture_of(careless, walk.scene.size)));
+  EXPECT_TRUE(identical(front_end.undilated_mask(), mask_of(careless, walk.scene.size)));
   EXPECT_GT(pixels(front_end.mask().image), pixels(front_end.undilated_mask())) << "dilated";
   // Compensation goes on.
   front_end.compute_mask(walk.frame(1), result({}));
@@ -432,7 +432,7 @@ TEST(FrontEnd, UsesTheCamerasMotion) {
     const RgbdFrame turned = walk.scene.frame(kStart + 0.033, {{{132, 79, 38, 139}, 3.2f, 1}}, 32);
     front_end.compute_mask(turned, Segmentation(),
                            known ? std::optional<Eigen::Isometry3d>(turn) : std::nullopt);
-    const cv::Mat truth = picture_of(std::vector<cv::Rect>{{132, 79, 38, 139}}, walk.scene.size);
+    const cv::Mat truth = mask_of(std::vector<cv::Rect>{{132, 79, 38, 139}}, walk.scene.size);
     if (known)
       EXPECT_GT(iou(front_end.undilated_mask(), truth), 0.9);
     else

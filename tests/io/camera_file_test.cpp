@@ -34,7 +34,6 @@ TEST(CameraFile, ReadsOrbSlam2) {
   EXPECT_EQ(c.width, 640);
   EXPECT_EQ(c.height, 480);
   EXPECT_DOUBLE_EQ(c.fps, 25);
-  EXPECT_FALSE(c.rgb_order);
   EXPECT_DOUBLE_EQ(c.depth_units_per_m, 1000);
   EXPECT_DOUBLE_EQ(c.exposure_s, 0.0125);
 }
@@ -54,7 +53,6 @@ TEST(CameraFile, ReadsOrbSlam3AndAFileWithoutHeader) {
   EXPECT_DOUBLE_EQ(c.k3, 0);
   EXPECT_DOUBLE_EQ(c.depth_units_per_m, 5000);
   EXPECT_EQ(c.width, 0) << "a size that is not given stays unknown";
-  EXPECT_TRUE(c.rgb_order);
 }
 
 TEST(CameraFile, ReadsNestedNames) {
@@ -67,7 +65,6 @@ TEST(CameraFile, ReadsNestedNames) {
   EXPECT_DOUBLE_EQ(c.fx, 1);
   EXPECT_DOUBLE_EQ(c.cy, 4);
   EXPECT_EQ(c.width, 640);
-  EXPECT_FALSE(c.rgb_order);
   EXPECT_DOUBLE_EQ(c.depth_units_per_m, 1000);
 }
 

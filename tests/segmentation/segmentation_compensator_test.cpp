@@ -61,10 +61,10 @@ struct Show {
   cv::Mat truth(double t, const std::vector<Walker>& walkers) const {
     std::vector<cv::Rect> boxes;
     for (const Walker& w : walkers) boxes.push_back(w.at(t).box);
-    return picture_of(boxes, scene.size);
+    return mask_of(boxes, scene.size);
   }
   double iou_at(double t, const std::vector<Walker>& walkers, const Segmentation& found) const {
-    return iou(picture_of(found.instances, scene.size), truth(t, walkers));
+    return iou(mask_of(found.instances, scene.size), truth(t, walkers));
   }
 };
 
@@ -164,7 +164,7 @@ TEST(SegmentationCompensator, RestoresNothingWhereTheSameStoodBefore) {
     begin(context, show.scene.frame(kStart + 0.133, {walker.at(0)}), lower);
     const Segmentation& half = show.compensator.mend(context, Segmentation());
     ASSERT_EQ(half.instances.size(), 1u);
-    const cv::Mat mended = picture_of(half.instances, show.scene.size);
+    const cv::Mat mended = mask_of(half.instances, show.scene.size);
     EXPECT_EQ(cv::countNonZero(mended), box.area() - (box & lower).area());
     EXPECT_EQ(cv::countNonZero(mended(lower & box)), 0);
     show.compensator.remember(context, half.instances);
@@ -187,7 +187,7 @@ TEST(SegmentationCompensator, TakesNothingAtItsWordThatStoodThereBefore) {
       begin(context, show.scene.frame(kStart + 0.033 * i, {Walker().at(0)}), known);
       const Segmentation& mended = show.compensator.mend(context, given);
       EXPECT_EQ(mended.instances.size(), 1u);
-      const cv::Mat image = picture_of(mended.instances, show.scene.size);
+      const cv::Mat image = mask_of(mended.instances, show.scene.size);
       show.compensator.remember(context, mended.instances);
       return image;
     };
@@ -249,7 +249,7 @@ TEST(SegmentationCompensator, RestoresMissingPartsByUnion) {
         scene.frame(kStart + 0.1, {walker.at(0.1)}), result({box_instance(seen, scene.size)}));
     ASSERT_EQ(out.instances.size(), 1u);
     EXPECT_GT(show.iou_at(0.1, {walker}, out), 0.93);
-    const cv::Mat mended = picture_of(out.instances, scene.size);
+    const cv::Mat mended = mask_of(out.instances, scene.size);
     EXPECT_EQ(pixels(mended(seen)), seen.area()) << "what was seen stays";
     EXPECT_EQ(show.compensator.restored(), 1);
     EXPECT_TRUE(show.compensator.status() & kRestored);
@@ -325,7 +325,7 @@ TEST(SegmentationCompensator, TellsObjectsAndClassesApart) {
     EXPECT_EQ(out.instances[0].class_name, "") << "the given ones come first";
     for (const Instance& s : out.instances) {
       const Walker& w = s.class_name == "person" ? person : s.class_name == "cat" ? cat : other;
-      EXPECT_GT(iou(picture_of({s}, scene.size), show.truth(t, {w})), 0.85) << s.class_name;
+      EXPECT_GT(iou(mask_of({s}, scene.size), show.truth(t, {w})), 0.85) << s.class_name;
     }
     EXPECT_NE(out.instances[1].class_name, out.instances[2].class_name);
   }
@@ -630,8 +630,8 @@ TEST(SegmentationCompensator, PaperRestoresWholeObjectsAsTheyWere) {
   const Segmentation& out = show.show(0.3, {}, {walker});
   ASSERT_EQ(out.instances.size(), 1u);
   const Instance expected = shaped(0.3);
-  EXPECT_TRUE(identical(picture_of(out.instances, show.scene.size),
-                        picture_of({expected}, show.scene.size)));
+  EXPECT_TRUE(
+      identical(mask_of(out.instances, show.scene.size), mask_of({expected}, show.scene.size)));
 }
 
 TEST(SegmentationCompensator, PaperTriggersOnTheWholeArea) {
@@ -755,7 +755,7 @@ TEST(SegmentationCompensator, TakesAThousandInstances) {
         show.compensator.compensate(scene.frame(kStart + 0.067, figures), result(half));
     EXPECT_EQ(out.instances.size(), 1000u);
     EXPECT_EQ(show.compensator.restored(), 500);
-    EXPECT_GT(iou(picture_of(out.instances, scene.size), picture_of(all, scene.size)), 0.95);
+    EXPECT_GT(iou(mask_of(out.instances, scene.size), mask_of(all, scene.size)), 0.95);
   }
 }
 
@@ -777,11 +777,10 @@ TEST(SegmentationCompensator, DepthIn32BitMetresGivesTheSame) {
     RgbdFrame frame = show.scene.frame(kStart + t, {walker.at(t)});
     const Segmentation given =
         t < 0.08 ? result({box_instance(walker.at(t).box, show.scene.size)}) : result({});
-    const cv::Mat a =
-        picture_of(show.compensator.compensate(frame, given).instances, show.scene.size);
+    const cv::Mat a = mask_of(show.compensator.compensate(frame, given).instances, show.scene.size);
     frame.depth.convertTo(frame.depth, CV_32F, 1 / 5000.0);
     const cv::Mat b =
-        picture_of(metres.compensator.compensate(frame, given).instances, show.scene.size);
+        mask_of(metres.compensator.compensate(frame, given).instances, show.scene.size);
     EXPECT_TRUE(identical(a, b)) << t;
     EXPECT_GT(pixels(a), 0);
   }

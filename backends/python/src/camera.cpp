@@ -63,6 +63,26 @@ std::string repr_of(const Camera& c) {
   return out.str();
 }
 
+void bind_numbers(py::class_<Camera>& camera) {
+  for (const auto& [name, member] : kNumbers)
+    camera.def_property(
+        name, [member = member](const Camera& c) { return c.*member; },
+        [member = member, name = std::string(name)](Camera& c, const py::object& value) {
+          set_number(c, name, member, value);
+        });
+  for (const auto& [name, member] :
+       {std::make_pair("width", &Camera::width), std::make_pair("height", &Camera::height)})
+    camera.def_property(
+        name, [member = member](const Camera& c) { return c.*member; },
+        [member = member, name = name](Camera& c, const py::object& value) {
+          const long long pixels = whole_of(value, (std::string("Camera.") + name).c_str());
+          if (pixels < 0 || pixels > 65535)
+            throw Error(std::string("Camera.") + name + ": expected 0 to 65535 pixels, found " +
+                        std::to_string(pixels));
+          c.*member = static_cast<int>(pixels);
+        });
+}
+
 }  // namespace
 
 Camera camera_of(const py::object& camera, const char* where) {
@@ -87,23 +107,7 @@ void bind_camera(py::module_& m) {
                                   number_of(cx, "Camera.cx"), number_of(cy, "Camera.cy"), rest);
              }),
              py::arg("fx"), py::arg("fy"), py::arg("cx"), py::arg("cy"));
-  for (const auto& [name, member] : kNumbers)
-    camera.def_property(
-        name, [member = member](const Camera& c) { return c.*member; },
-        [member = member, name = std::string(name)](Camera& c, const py::object& value) {
-          set_number(c, name, member, value);
-        });
-  for (const auto& [name, member] :
-       {std::make_pair("width", &Camera::width), std::make_pair("height", &Camera::height)})
-    camera.def_property(
-        name, [member = member](const Camera& c) { return c.*member; },
-        [member = member, name = name](Camera& c, const py::object& value) {
-          const long long pixels = whole_of(value, (std::string("Camera.") + name).c_str());
-          if (pixels < 0 || pixels > 65535)
-            throw Error(std::string("Camera.") + name + ": expected 0 to 65535 pixels, found " +
-                        std::to_string(pixels));
-          c.*member = static_cast<int>(pixels);
-        });
+  bind_numbers(camera);
   camera.def_static("tum_fr1", &Camera::tum_fr1, "TUM RGB-D freiburg1.")
       .def_static("tum_fr2", &Camera::tum_fr2, "TUM RGB-D freiburg2.")
       .def_static("tum_fr3", &Camera::tum_fr3, "TUM RGB-D freiburg3.")

@@ -161,9 +161,9 @@ TEST_F(Cli, BenchPutsThePapersTablesBesideOurs) {
   fs::remove(bonn_folder / "camera.yaml");
   for (const char* kind : {"rgb", "depth"})
     for (const auto& entry : fs::directory_iterator(bonn_folder / kind)) {
-      cv::Mat picture = cv::imread(entry.path().string(), cv::IMREAD_UNCHANGED);
-      cv::resize(picture, picture, {640, 480}, 0, 0, cv::INTER_NEAREST);
-      cv::imwrite(entry.path().string(), picture);
+      cv::Mat image = cv::imread(entry.path().string(), cv::IMREAD_UNCHANGED);
+      cv::resize(image, image, {640, 480}, 0, 0, cv::INTER_NEAREST);
+      cv::imwrite(entry.path().string(), image);
     }
   fs::remove_all(bonn_folder / "masks_gt");
   ASSERT_EQ(run("bench --paper data --out paper5 --variants off --frames 3 --tracker vo").code, 0);

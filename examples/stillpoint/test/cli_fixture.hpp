@@ -86,13 +86,13 @@ class Cli : public testing::Test {
   static void copy_with_blind_frames(const std::string& name, std::size_t begin, std::size_t end,
                                      int gray) {
     fs::copy(path("walk"), path(name), fs::copy_options::recursive);
-    std::vector<fs::path> pictures;
+    std::vector<fs::path> images;
     for (const auto& entry : fs::directory_iterator(path(name) / "rgb"))
-      pictures.push_back(entry.path());
-    std::sort(pictures.begin(), pictures.end());
-    ASSERT_LE(end, pictures.size());
+      images.push_back(entry.path());
+    std::sort(images.begin(), images.end());
+    ASSERT_LE(end, images.size());
     for (std::size_t i = begin; i < end; ++i)
-      cv::imwrite(pictures[i].string(), cv::Mat(240, 320, CV_8UC3, cv::Scalar::all(gray)));
+      cv::imwrite(images[i].string(), cv::Mat(240, 320, CV_8UC3, cv::Scalar::all(gray)));
   }
 
   inline static fs::path* folder_ = nullptr;

@@ -89,17 +89,17 @@ TEST_F(Cli, RunThatBreaksOffKeepsTheLastGoodResults) {
     return all + std::to_string(files_in(path("ends_out") / "masks", ".png"));
   };
   const std::string good = contents();
-  std::vector<fs::path> pictures;
+  std::vector<fs::path> images;
   for (const auto& entry : fs::directory_iterator(path("ends") / "rgb"))
-    pictures.push_back(entry.path());
-  std::sort(pictures.begin(), pictures.end());
-  fs::resize_file(pictures.back(), 0);
+    images.push_back(entry.path());
+  std::sort(images.begin(), images.end());
+  fs::resize_file(images.back(), 0);
   expect_error(command, 1, "what was tracked before it is in ends_out/trajectory.txt.partial");
   EXPECT_EQ(contents(), good);
   EXPECT_EQ(read_trajectory(path("ends_out") / "trajectory.txt.partial").size(), 11u);
 
   // The next run that ends well clears up.
-  fs::copy(path("walk") / "rgb" / pictures.back().filename(), pictures.back(),
+  fs::copy(path("walk") / "rgb" / images.back().filename(), images.back(),
            fs::copy_options::overwrite_existing);
   ASSERT_EQ(run("run ends --out ends_out --tracker vo --frames 6").code, 0);
   EXPECT_EQ(read_trajectory(path("ends_out") / "trajectory.txt").size(), 6u);

@@ -31,11 +31,11 @@ bool same(const cv::Mat& a, const cv::Mat& b) {
 }
 
 /// FNV-1a over an image's bytes.
-std::uint64_t checksum(const cv::Mat& picture) {
+std::uint64_t checksum(const cv::Mat& image) {
   std::uint64_t h = 14695981039346656037ull;
-  for (int y = 0; y < picture.rows; ++y)
-    for (std::size_t x = 0; x < picture.elemSize() * static_cast<std::size_t>(picture.cols); ++x)
-      h = (h ^ picture.ptr<uchar>(y)[x]) * 1099511628211ull;
+  for (int y = 0; y < image.rows; ++y)
+    for (std::size_t x = 0; x < image.elemSize() * static_cast<std::size_t>(image.cols); ++x)
+      h = (h ^ image.ptr<uchar>(y)[x]) * 1099511628211ull;
   return h;
 }
 
@@ -209,13 +209,13 @@ TEST(SyntheticSequence, BlurIsTheMeanOverTheExposureAndNotAFilter) {
     sharp.frame(i).color.convertTo(light, CV_64FC3);
     sum += light.mul(light);
   }
-  cv::Mat mean, picture;
+  cv::Mat mean, image;
   cv::sqrt(sum / count, mean);
-  blurred.color.convertTo(picture, CV_64FC3);
-  const double difference = cv::norm(mean, picture, cv::NORM_L1) / (3 * 160 * 120);
+  blurred.color.convertTo(image, CV_64FC3);
+  const double difference = cv::norm(mean, image, cv::NORM_L1) / (3 * 160 * 120);
   cv::Mat middle;
   sharp.frame(480).color.convertTo(middle, CV_64FC3);
-  const double unblurred = cv::norm(middle, picture, cv::NORM_L1) / (3 * 160 * 120);
+  const double unblurred = cv::norm(middle, image, cv::NORM_L1) / (3 * 160 * 120);
   EXPECT_LT(difference, 3.0);
   EXPECT_GT(unblurred, 3 * difference);
 }

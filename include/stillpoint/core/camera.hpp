@@ -19,8 +19,6 @@ struct Camera {
   double depth_units_per_m = 5000;
   /// Exposure time; 0 when unknown.
   double exposure_s = 0;
-  /// True when colour files are stored RGB-first (only matters to hosts that swap channels).
-  bool rgb_order = true;
 
   bool valid() const { return fx > 0 && fy > 0; }
   bool distorted() const { return k1 != 0 || k2 != 0 || p1 != 0 || p2 != 0 || k3 != 0; }

@@ -14,6 +14,7 @@
 
 #include "stillpoint/core/cell_labels.hpp"
 #include "stillpoint/core/config.hpp"
+#include "stillpoint/motion/cell_projection.hpp"
 #include "stillpoint/motion/depth_cells.hpp"
 #include "stillpoint/motion/far_holes.hpp"
 #include "stillpoint/sensor/sensor_model.hpp"
@@ -104,7 +105,9 @@ class FreeSpaceMap {
     score_.assign(cells.size(), 0);
     settled_.assign(cells.size(), 0);
     alone_.assign(cells.size(), 0);
-    receding_.assign(cells.size(), Receding());
+    least_m_s_.assign(cells.size(), kNever);
+    most_m_s_.assign(cells.size(), 0);
+    receding_views_ = 0;
     for (const DepthKeyView* view : compared_) {
       const double age_s = timestamp - view->timestamp;
       compare(*view, view->T_map_depth.inverse() * T_map_depth, view->lateral_cells + lateral_cells,
@@ -114,9 +117,9 @@ class FreeSpaceMap {
         for (std::size_t i = 0; i < cells.size(); ++i) settled_[i] = score_[i] < 0;
     }
     for (std::size_t i = 0; i < cells.size(); ++i)
-      labels[i] = score_[i] > 1 || receding_[i].certain() ? CellLabel::kMoved
-                  : score_[i] < 0                         ? CellLabel::kStatic
-                                                          : CellLabel::kUnknown;
+      labels[i] = score_[i] > 1 || recedes(i) ? CellLabel::kMoved
+                  : score_[i] < 0             ? CellLabel::kStatic
+                                              : CellLabel::kUnknown;
     for (std::size_t i = 0; i < cells.size(); ++i)
       if (alone_[i] != 0) labels.set_alone(i);
   }
@@ -126,8 +129,8 @@ class FreeSpaceMap {
 
  private:
   static constexpr double kMemoryS = 1.7, kLeastStepS = 0.0325, kSettledS = 0.3;
-  static constexpr std::size_t kCapacity = 52;           // kMemoryS / kLeastStepS
-  static constexpr float kBeyond = 1e9f, kNever = 1e9f;  // metres; m/s, of what does not recede
+  static constexpr std::size_t kCapacity = 52;  // kMemoryS / kLeastStepS
+  static constexpr float kNever = 1e9f;         // m/s, of what does not recede
   static constexpr float kSurelyInRange = 0.8f;
   // Sensors measure nothing close by either: so near, a hole does not tell what was there.
   static constexpr float kSurelyMeasuredM = 1;
@@ -156,119 +159,79 @@ class FreeSpaceMap {
       }
   }
 
-  // Who walks straight away is never where anything was seen free: he hides behind where he was.
-  // But the longer ago, the nearer his surface was, at one speed; what comes into view behind an
-  // edge was as far behind it at any time.
-  struct Receding {
-    float least_m_s = kNever, most_m_s = 0;
-    int count = 0;
-    void add(float speed) {
-      least_m_s = std::min(least_m_s, speed), most_m_s = std::max(most_m_s, speed);
-      ++count;
-    }
-    bool certain() const {
-      return count >= 2 && least_m_s > kSlowestMS && most_m_s < kFastestMS &&
-             most_m_s < kSteady * least_m_s;
-    }
-  };
-
-  // A row of cells in an earlier image: the cell they fall on, the depth they have there (far
-  // beyond everything if they have none or lie too near), and the square of the least step there.
+  // A row of cells in an earlier image (CellProjection), and what that image knows there.
   struct Row {
-    std::vector<int> cell;
-    std::vector<float> z, least_step2;
-  };
-  struct Projection {
-    Eigen::Matrix3f R;
-    Eigen::Vector3f t;
-    Lens::Coefficients lens;
-    float fx, fy, cx, cy;  // half a cell added: to be rounded down
-    int width, height;
-    float nearest, floor2, slope2, square2;  // of the sensor, squared and times the sigmas
+    std::vector<int> cell, alone;
+    std::vector<float> z, least_step2, surface_m, free_to_m;
+
+    void resize(std::size_t n) {
+      for (auto* v : {&cell, &alone}) v->resize(n);
+      for (auto* v : {&z, &least_step2, &surface_m, &free_to_m}) v->resize(n);
+    }
+    void look_up(const float* surface, const float* free_to, const uchar* stood_alone) {
+      for (std::size_t x = 0; x < cell.size(); ++x) {
+        surface_m[x] = surface[cell[x]], free_to_m[x] = free_to[cell[x]];
+        alone[x] = stood_alone[cell[x]];
+      }
+    }
   };
 
-  // Choices between numbers only, which become vector instructions.
-  static void project(const Projection& p, const float* STILLPOINT_RESTRICT ray_x,
-                      const float* STILLPOINT_RESTRICT ray_y,
-                      const float* STILLPOINT_RESTRICT depth, std::size_t n,
-                      int* STILLPOINT_RESTRICT cell, float* STILLPOINT_RESTRICT z,
-                      float* STILLPOINT_RESTRICT least_step2) {
-    const float r00 = p.R(0, 0), r01 = p.R(0, 1), r02 = p.R(0, 2), r10 = p.R(1, 0), r11 = p.R(1, 1),
-                r12 = p.R(1, 2), r20 = p.R(2, 0), r21 = p.R(2, 1), r22 = p.R(2, 2), tx = p.t.x(),
-                ty = p.t.y(), tz = p.t.z();
-    const Lens::Coefficients lens = p.lens;
-    const float fx = p.fx, fy = p.fy, cx = p.cx, cy = p.cy, nearest = p.nearest;
-    const float floor2 = p.floor2, slope2 = p.slope2, square2 = p.square2;
-    const float right = static_cast<float>(p.width) - 1, bottom = static_cast<float>(p.height) - 1;
-    const int width = p.width;
-    for (std::size_t i = 0; i < n; ++i) {
-      const float a = ray_x[i], b = ray_y[i], d = depth[i];
-      const float pz = (r20 * a + r21 * b + r22) * d + tz, inverse = 1 / pz;
-      const float x = ((r00 * a + r01 * b + r02) * d + tx) * inverse;
-      const float y = ((r10 * a + r11 * b + r12) * d + ty) * inverse;
-      const float xx = x * x, yy = y * y, xy = x * y, square = xx + yy;
-      const float r2 = square < lens.most_square ? square : lens.most_square;
-      const float radial = 1 + r2 * (lens.k1 + r2 * (lens.k2 + r2 * lens.k3));
-      const float u = fx * (x * radial + 2 * lens.p1 * xy + lens.p2 * (r2 + 2 * xx)) + cx;
-      const float v = fy * (y * radial + lens.p1 * (r2 + 2 * yy) + 2 * lens.p2 * xy) + cy;
-      const float from_left = u > 0 ? u : 0, from_top = v > 0 ? v : 0;  // 0 for NaN
-      const float column = from_left < right ? from_left : right;
-      const float row = from_top < bottom ? from_top : bottom;
-      cell[i] = static_cast<int>(row) * width + static_cast<int>(column);
-      const float measured = d > 0 ? pz : kBeyond;
-      z[i] = pz < nearest ? kBeyond : measured;
-      const float zz = pz * pz;
-      least_step2[i] = floor2 + zz * (slope2 + zz * square2);
+  // `receding_s`: the age of the view, if it is one to look for receding surfaces in.
+  void compare(const DepthKeyView& view, const Eigen::Isometry3d& T_view_now,
+               const Eigen::Vector2f& lateral_cells, float receding_s, const DepthCells& cells) {
+    const CellProjection projection(cells, T_view_now, sensor_);
+    const float* free_to_m = free_space(view, lateral_cells).ptr<float>();
+    const std::size_t n = static_cast<std::size_t>(cells.width);
+    row_.resize(n);
+    receding_views_ += receding_s > 0;
+    for (int y = 0; y < cells.height; ++y) {
+      const std::size_t first = cells.index(0, y);
+      projection.row(y, row_.cell.data(), row_.z.data(), row_.least_step2.data());
+      row_.look_up(view.surface_m.ptr<float>(), free_to_m, view.alone.ptr<uchar>());
+      count(row_, n, &score_[first], &alone_[first]);
+      if (receding_s > 0)
+        measure_speed(row_, n, 1 / receding_s, &least_m_s_[first], &most_m_s_[first]);
     }
   }
 
-  // Seen free counts two, seen filled by the same surface counts minus one. `receding_s`: the age
-  // of the view, if it is one to look for receding surfaces in.
-  void compare(const DepthKeyView& view, const Eigen::Isometry3d& T_view_now,
-               const Eigen::Vector2f& lateral_cells, float receding_s, const DepthCells& cells) {
-    const float* free_to_m = free_space(view, lateral_cells).ptr<float>();
-    const float per_s = receding_s > 0 ? 1 / receding_s : 0;
-    const float* surface_m = view.surface_m.ptr<float>();
-    const uchar* alone = view.alone.ptr<uchar>();
-    const std::size_t n = static_cast<std::size_t>(cells.width);
-    row_.cell.resize(n), row_.z.resize(n), row_.least_step2.resize(n);
-    const auto square = [&](double sigma) {
-      return static_cast<float>(sensor_.sigmas * sensor_.sigmas * sigma * sigma);
-    };
-    const Projection p{T_view_now.linear().cast<float>(),
-                       T_view_now.translation().cast<float>(),
-                       cells.distortion,
-                       cells.fx,
-                       cells.fy,
-                       cells.cx + 0.5f,
-                       cells.cy + 0.5f,
-                       cells.width,
-                       cells.height,
-                       static_cast<float>(sensor_.min_range_m),
-                       square(sensor_.depth_floor_m),
-                       square(sensor_.depth_slope),
-                       square(sensor_.depth_square)};
-    for (int y = 0; y < cells.height; ++y) {
-      const std::size_t first = cells.index(0, y);
-      project(p, &cells.ray_x[first], &cells.ray_y[first], &cells.depth_m[first], n,
-              row_.cell.data(), row_.z.data(), row_.least_step2.data());
-      signed char* score = score_.data() + first;
-      for (std::size_t x = 0; x < n; ++x) {  // hard to foresee: no branch
-        const float surface = surface_m[row_.cell[x]], free_to = free_to_m[row_.cell[x]];
-        const float z = row_.z[x], step2 = row_.least_step2[x];
-        const float free_by = free_to - z - kFreeMarginM, behind_by = z - surface;
-        const int sure = (surface > DepthKeyView::kHole) | (z > kSurelyMeasuredM);
-        const int free = (free_by > 0) & (free_by * free_by > step2) & sure;
-        const int same = (score[x] <= 0) & (behind_by * behind_by < step2) & (1 - free);
-        score[x] = static_cast<signed char>(score[x] + 2 * free - same);
-        alone_[first + x] |= static_cast<std::uint8_t>(same & alone[row_.cell[x]]);
-        if (receding_s > 0) {
-          const bool behind =
-              (behind_by > 0) & (behind_by * behind_by > step2) & (surface > 0) & (z < kBeyond);
-          receding_[first + x].add(behind ? behind_by * per_s : kNever);
-        }
-      }
+  // Seen free counts two, seen filled by the same surface counts minus one. Without branches: hard
+  // to foresee, and so it becomes vector instructions.
+  static void count(const Row& row, std::size_t n, int* STILLPOINT_RESTRICT score,
+                    int* STILLPOINT_RESTRICT alone) {
+    const float *z = row.z.data(), *step2 = row.least_step2.data();
+    const float *surface = row.surface_m.data(), *free_to = row.free_to_m.data();
+    const int* stood_alone = row.alone.data();
+    for (std::size_t x = 0; x < n; ++x) {
+      const float free_by = free_to[x] - z[x] - kFreeMarginM, behind_by = z[x] - surface[x];
+      const int sure = (surface[x] > DepthKeyView::kHole) | (z[x] > kSurelyMeasuredM);
+      const int free = (free_by > 0) & (free_by * free_by > step2[x]) & sure;
+      const int same = (score[x] <= 0) & (behind_by * behind_by < step2[x]) & (1 - free);
+      score[x] += 2 * free - same;
+      alone[x] |= same & stood_alone[x];
     }
+  }
+
+  // Who walks straight away is never where anything was seen free: he hides behind where he was.
+  // But the longer ago, the nearer his surface was, at one speed; what comes into view behind an
+  // edge was as far behind it at any time.
+  static void measure_speed(const Row& row, std::size_t n, float per_s,
+                            float* STILLPOINT_RESTRICT least_m_s,
+                            float* STILLPOINT_RESTRICT most_m_s) {
+    const float *z = row.z.data(), *step2 = row.least_step2.data();
+    const float* surface = row.surface_m.data();
+    for (std::size_t x = 0; x < n; ++x) {
+      const float behind_by = z[x] - surface[x];
+      const bool behind = (behind_by > 0) & (behind_by * behind_by > step2[x]) & (surface[x] > 0) &
+                          (z[x] < CellProjection::kBeyond);
+      const float speed = behind ? behind_by * per_s : kNever;
+      least_m_s[x] = least_m_s[x] < speed ? least_m_s[x] : speed;
+      most_m_s[x] = most_m_s[x] > speed ? most_m_s[x] : speed;
+    }
+  }
+
+  bool recedes(std::size_t i) const {
+    return receding_views_ >= 2 && least_m_s_[i] > kSlowestMS && most_m_s_[i] < kFastestMS &&
+           most_m_s_[i] < kSteady * least_m_s_[i];
   }
 
   // How far the cells of an image are free if they may lie beside where they are drawn.
@@ -290,9 +253,10 @@ class FreeSpaceMap {
   std::size_t count_ = 0, next_ = 0, newest_ = 0;
   FarHoles holes_;
   std::vector<const DepthKeyView*> compared_;
-  std::vector<signed char> score_;
-  std::vector<Receding> receding_;
-  std::vector<std::uint8_t> settled_, alone_;
+  std::vector<int> score_, alone_;
+  std::vector<std::uint8_t> settled_;
+  std::vector<float> least_m_s_, most_m_s_;  // of what recedes, over the views that tell
+  int receding_views_ = 0;
   cv::Mat_<float> free_;
   Row row_;
 };

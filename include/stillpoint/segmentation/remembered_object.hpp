@@ -16,6 +16,7 @@
 #include "stillpoint/core/frame.hpp"
 #include "stillpoint/core/instance.hpp"
 #include "stillpoint/core/lens.hpp"
+#include "stillpoint/segmentation/draw_warped.hpp"
 #include "stillpoint/segmentation/line_predictor.hpp"
 #include "stillpoint/segmentation/template_patch.hpp"
 
@@ -193,21 +194,7 @@ class RememberedObject {
   void draw_predicted(const cv::Rect& area, cv::Mat& out) const {
     const cv::Rect part = predicted_box({area.x + area.width, area.y + area.height}) & area;
     if (part.empty()) return;
-    const Eigen::Matrix2d inverse = affine_.leftCols<2>().inverse();
-    const Eigen::Vector2d offset = -inverse * affine_.col(2) + Eigen::Vector2d(0.5, 0.5);
-    const std::int64_t step_u = fixed(inverse(0, 0), 1e4), step_v = fixed(inverse(1, 0), 1e4);
-    for (int y = part.y; y < part.y + part.height; ++y) {
-      std::int64_t u = fixed(inverse(0, 0) * part.x + inverse(0, 1) * y + offset.x() - box_.x, 1e9);
-      std::int64_t v = fixed(inverse(1, 0) * part.x + inverse(1, 1) * y + offset.y() - box_.y, 1e9);
-      cv::Range inside(0, part.width);
-      clip(u, step_u, box_.width, inside);
-      clip(v, step_v, box_.height, inside);
-      u += inside.start * step_u, v += inside.start * step_v;
-      uchar* to = out.ptr<uchar>(y - area.y) + part.x - area.x;
-      for (int x = inside.start; x < inside.end; ++x, u += step_u, v += step_v)
-        to[x] |=
-            mask_[static_cast<std::size_t>((v >> kFixedBits) * box_.width + (u >> kFixedBits))];
-    }
+    detail::draw_warped(mask_.data(), box_, affine_, part, area.tl(), out);
   }
 
   const std::vector<Point>& inside() const { return inside_; }
@@ -222,24 +209,6 @@ class RememberedObject {
   double displacement_px() const { return displacement_px_; }
 
  private:
-  // Places in the mask are counted in 2^-32 pixels: sums of them are exact.
-  static constexpr int kFixedBits = 32;
-  static constexpr double kFixedOne = 4294967296;
-  static std::int64_t fixed(double value, double limit) {
-    return static_cast<std::int64_t>(
-        std::floor(std::min(limit, std::max(-limit, value)) * kFixedOne));
-  }
-
-  // Keeps those n of a range for which the place first + n * step is from 0 to below `size` pixels.
-  static void clip(std::int64_t first, std::int64_t step, int size, cv::Range& range) {
-    const auto outside = [&](int n) {
-      const std::int64_t place = first + n * step;
-      return place < 0 || place >= static_cast<std::int64_t>(size) << kFixedBits;
-    };
-    while (range.start < range.end && outside(range.start)) ++range.start;
-    while (range.end > range.start && outside(range.end - 1)) --range.end;
-  }
-
   static Eigen::Vector3d ray_of(const Lens& lens, const Eigen::Vector2d& pixel) {
     return lens.ray(static_cast<float>(pixel.x()), static_cast<float>(pixel.y()))
         .cast<double>()

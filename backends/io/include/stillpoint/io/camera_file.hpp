@@ -85,86 +85,107 @@ class YamlScalars {
 
 }  // namespace detail
 
-/// Reads a camera from an ORB-SLAM style YAML file.
-///
-/// Names: `Camera.fx`, `fy`, `cx`, `cy`, `k1`, `k2`, `p1`, `p2`, `k3`, `width`, `height`, `fps`,
-/// `RGB`; `DepthMapFactor` (units of a 16-bit depth image per metre); `exposure_ms`. Also
-/// ORB_SLAM3's `Camera1.fx`, `RGBD.DepthMapFactor`, and stella_vslam's nested `Camera:` with
-/// `cols`, `rows`, `color_order`, `depthmap_factor`. The `%YAML:1.0` line is optional. Focal
-/// lengths, principal point and depth factor must be there; a size that is not given stays 0,
-/// distortion 0. Throws Error naming file, line, what was expected and what was found.
-inline Camera load_camera(const std::filesystem::path& path) {
-  const std::string file = "camera file " + path.string();
-  const detail::YamlScalars yaml(read_file(path, "camera file"));
+namespace detail {
+
+/// Values of a camera file by any of their names, the first of which messages use.
+class CameraFileReader {
+ public:
   using Names = std::initializer_list<const char*>;
-  const auto number = [&](Names names) -> std::optional<double> {
-    const auto* value = yaml.find(names);
+
+  explicit CameraFileReader(const std::filesystem::path& path)
+      : file_("camera file " + path.string()), yaml_(read_file(path, "camera file")) {}
+
+  std::optional<double> number(Names names) const {
+    const auto* value = yaml_.find(names);
     if (!value) return std::nullopt;
-    const auto parsed = detail::parse_number(value->text);
-    detail::check(parsed.has_value(), [&] {
-      return file + ", line " + std::to_string(value->line) + ": expected a number for " +
-             *names.begin() + ", found " + detail::quoted(value->text);
+    const auto parsed = parse_number(value->text);
+    check(parsed.has_value(), [&] {
+      return file_ + ", line " + std::to_string(value->line) + ": expected a number for " +
+             *names.begin() + ", found " + quoted(value->text);
     });
     return parsed;
-  };
-  const auto required = [&](Names names, bool positive, const char* mend) {
+  }
+
+  /// `mend`: what to write, for the message.
+  double required(Names names, bool positive, const char* mend) const {
     const auto value = number(names);
-    detail::check(value.has_value(), [&] {
-      return file + ": expected " + *names.begin() + ", found no such line; add " + mend;
+    check(value.has_value(), [&] {
+      return file_ + ": expected " + *names.begin() + ", found no such line; add " + mend;
     });
-    detail::check(!positive || *value > 0, [&] {
-      return file + ": expected a positive " + *names.begin() + ", found " +
+    check(!positive || *value > 0, [&] {
+      return file_ + ": expected a positive " + *names.begin() + ", found " +
              std::to_string(*value) + "; write " + mend;
     });
     return *value;
-  };
-  const auto whole = [&](Names names, int otherwise) {
-    const double value = number(names).value_or(otherwise);
-    detail::check(value >= 0 && value <= 100000 && value == std::floor(value), [&] {
-      return file + ": expected a whole number of pixels for " + *names.begin() + ", found " +
+  }
+
+  int pixels(Names names) const {
+    const double value = number(names).value_or(0);
+    check(value >= 0 && value <= 100000 && value == std::floor(value), [&] {
+      return file_ + ": expected a whole number of pixels for " + *names.begin() + ", found " +
              std::to_string(value);
     });
     return static_cast<int>(value);
-  };
-
-  if (const auto* model = yaml.find({"Camera.type", "Camera.model"})) {
-    detail::check(model->text == "PinHole" || model->text == "Rectified" ||
-                      model->text == "perspective" || model->text == "Pinhole",
-                  [&] {
-                    return file + ", line " + std::to_string(model->line) +
-                           ": expected a pinhole camera (PinHole, Rectified, perspective), found " +
-                           detail::quoted(model->text) + "; undistort the images first";
-                  });
   }
+
+  void check_model() const {
+    const auto* model = yaml_.find({"Camera.type", "Camera.model"});
+    if (!model) return;
+    const auto& text = model->text;
+    check(text == "PinHole" || text == "Rectified" || text == "perspective" || text == "Pinhole",
+          [&] {
+            return file_ + ", line " + std::to_string(model->line) +
+                   ": expected a pinhole camera (PinHole, Rectified, perspective), found " +
+                   quoted(text) + "; undistort the images first";
+          });
+  }
+
+  const std::string& file() const { return file_; }
+
+ private:
+  std::string file_;
+  YamlScalars yaml_;
+};
+
+}  // namespace detail
+
+/// Reads a camera from an ORB-SLAM style YAML file.
+///
+/// Names: `Camera.fx`, `fy`, `cx`, `cy`, `k1`, `k2`, `p1`, `p2`, `k3`, `width`, `height`, `fps`;
+/// `DepthMapFactor` (units of a 16-bit depth image per metre); `exposure_ms`. Also ORB_SLAM3's
+/// `Camera1.fx`, `RGBD.DepthMapFactor`, and stella_vslam's nested `Camera:` with `cols`, `rows`,
+/// `depthmap_factor`. The `%YAML:1.0` line is optional. Focal lengths, principal point and depth
+/// factor must be there; a size that is not given stays 0, distortion 0. Throws Error naming file,
+/// line, what was expected and what was found.
+inline Camera load_camera(const std::filesystem::path& path) {
+  const detail::CameraFileReader reader(path);
+  reader.check_model();
   Camera camera;
-  camera.fx = required({"Camera.fx", "Camera1.fx"}, true, "the focal length in pixels");
-  camera.fy = required({"Camera.fy", "Camera1.fy"}, true, "the focal length in pixels");
-  camera.cx = required({"Camera.cx", "Camera1.cx"}, false, "the principal point in pixels");
-  camera.cy = required({"Camera.cy", "Camera1.cy"}, false, "the principal point in pixels");
-  camera.k1 = number({"Camera.k1", "Camera1.k1"}).value_or(0);
-  camera.k2 = number({"Camera.k2", "Camera1.k2"}).value_or(0);
-  camera.p1 = number({"Camera.p1", "Camera1.p1"}).value_or(0);
-  camera.p2 = number({"Camera.p2", "Camera1.p2"}).value_or(0);
-  camera.k3 = number({"Camera.k3", "Camera1.k3"}).value_or(0);
-  camera.width = whole({"Camera.width", "Camera.cols"}, 0);
-  camera.height = whole({"Camera.height", "Camera.rows"}, 0);
-  camera.fps = number({"Camera.fps"}).value_or(30);
+  camera.fx = reader.required({"Camera.fx", "Camera1.fx"}, true, "the focal length in pixels");
+  camera.fy = reader.required({"Camera.fy", "Camera1.fy"}, true, "the focal length in pixels");
+  camera.cx = reader.required({"Camera.cx", "Camera1.cx"}, false, "the principal point in pixels");
+  camera.cy = reader.required({"Camera.cy", "Camera1.cy"}, false, "the principal point in pixels");
+  camera.k1 = reader.number({"Camera.k1", "Camera1.k1"}).value_or(0);
+  camera.k2 = reader.number({"Camera.k2", "Camera1.k2"}).value_or(0);
+  camera.p1 = reader.number({"Camera.p1", "Camera1.p1"}).value_or(0);
+  camera.p2 = reader.number({"Camera.p2", "Camera1.p2"}).value_or(0);
+  camera.k3 = reader.number({"Camera.k3", "Camera1.k3"}).value_or(0);
+  camera.width = reader.pixels({"Camera.width", "Camera.cols"});
+  camera.height = reader.pixels({"Camera.height", "Camera.rows"});
+  camera.fps = reader.number({"Camera.fps"}).value_or(30);
   detail::check(camera.fps > 0, [&] {
-    return file + ": expected a positive Camera.fps, found " + std::to_string(camera.fps);
+    return reader.file() + ": expected a positive Camera.fps, found " + std::to_string(camera.fps);
   });
   camera.depth_units_per_m =
-      required({"DepthMapFactor", "RGBD.DepthMapFactor", "Camera.depthmap_factor",
-                "depthmap_factor", "Camera.DepthMapFactor"},
-               true, "DepthMapFactor: 5000 (TUM, Bonn) or 1000 (depth in millimetres)");
-  const double exposure_ms = number({"exposure_ms", "Camera.exposure_ms"}).value_or(0);
+      reader.required({"DepthMapFactor", "RGBD.DepthMapFactor", "Camera.depthmap_factor",
+                       "depthmap_factor", "Camera.DepthMapFactor"},
+                      true, "DepthMapFactor: 5000 (TUM, Bonn) or 1000 (depth in millimetres)");
+  const double exposure_ms = reader.number({"exposure_ms", "Camera.exposure_ms"}).value_or(0);
   detail::check(exposure_ms >= 0, [&] {
-    return file + ": expected exposure_ms not negative, found " + std::to_string(exposure_ms);
+    return reader.file() + ": expected exposure_ms not negative, found " +
+           std::to_string(exposure_ms);
   });
   camera.exposure_s = exposure_ms / 1000;
-  if (const auto* order = yaml.find({"Camera.color_order"}))
-    camera.rgb_order = order->text != "BGR";
-  else
-    camera.rgb_order = number({"Camera.RGB"}).value_or(1) != 0;
   return camera;
 }
 

@@ -20,11 +20,10 @@
 
 namespace stillpoint {
 
-/// Calls visit(path, member) for each number, switch and choice of the front end's settings, with
-/// its path in FrontEndSettings ("depth.dilation_px"). This is the one list of their names; only
-/// dynamic_classes is not in it. `Settings`: FrontEndSettings, or the same const.
+namespace detail {
+
 template <class Settings, class Visit>
-void for_each_setting(Settings& s, const Visit& visit) {
+void for_each_setting_of_the_paper(Settings& s, const Visit& visit) {
   visit("use_compensation", s.use_compensation);
   visit("use_depth", s.use_depth);
   visit("use_probability", s.use_probability);
@@ -57,6 +56,10 @@ void for_each_setting(Settings& s, const Visit& visit) {
   visit("probability.decay_per_px", s.probability.decay_per_px);
   visit("probability.threshold", s.probability.threshold);
   visit("probability.min_kept", s.probability.min_kept);
+}
+
+template <class Settings, class Visit>
+void for_each_setting_beyond_the_paper(Settings& s, const Visit& visit) {
   visit("motion.block_px", s.motion.block_px);
   visit("motion.movers.min_moved_cells", s.motion.movers.min_moved_cells);
   visit("motion.movers.min_moved_area_m2", s.motion.movers.min_moved_area_m2);
@@ -87,6 +90,17 @@ void for_each_setting(Settings& s, const Visit& visit) {
   visit("sensor.readout_s", s.sensor.readout_s);
   visit("sensor.min_range_m", s.sensor.min_range_m);
   visit("sensor.max_range_m", s.sensor.max_range_m);
+}
+
+}  // namespace detail
+
+/// Calls visit(path, member) for each number, switch and choice of the front end's settings, with
+/// its path in FrontEndSettings ("depth.dilation_px"). This is the one list of their names; only
+/// dynamic_classes is not in it. `Settings`: FrontEndSettings, or the same const.
+template <class Settings, class Visit>
+void for_each_setting(Settings& s, const Visit& visit) {
+  detail::for_each_setting_of_the_paper(s, visit);
+  detail::for_each_setting_beyond_the_paper(s, visit);
 }
 
 namespace detail {
