@@ -2,10 +2,14 @@
 #pragma once
 
 #include <algorithm>
+#include <cstddef>
 #include <cstdint>
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
+#include <vector>
 
+#include "stillpoint/core/config.hpp"
+#include "stillpoint/core/depth_view.hpp"
 #include "stillpoint/core/instance.hpp"
 #include "stillpoint/depth/region_cells.hpp"
 
@@ -20,41 +24,28 @@ class RegionPixels {
   void find(const RegionCells& cells, int cell_px, const Instance& instance, const cv::Rect& area,
             cv::Mat& mask) {
     find_bounds(cells);
-    const cv::Mat z = cells.depth().image()(area);
-    const cv::Mat lo =
-        pixels_of(lo_, cell_px, cells.depth().size(), lo_px_)(cv::Rect({}, area.size()));
-    const cv::Mat hi =
-        pixels_of(hi_, cell_px, cells.depth().size(), hi_px_)(cv::Rect({}, area.size()));
-    cv::inRange(z, lo, hi, mask);
-
-    unmeasured_.create(cells.depth().size());
-    cv::Mat unmeasured = unmeasured_(area);
-    cv::compare(z, 0, unmeasured, cv::CMP_EQ);
-    if (!instance.mask.empty()) {
-      const cv::Rect common = instance.box & area;
-      on_mask_.create(cells.depth().size());
-      cv::Mat on_mask = on_mask_(common);
-      cv::bitwise_and(unmeasured_(common), instance.mask(common - instance.box.tl()), on_mask);
-      mask(common - area.tl()).setTo(255, on_mask);
+    const DepthView& depth = cells.depth();
+    for (int y = 0; y < area.height; ++y) {
+      if (y % cell_px == 0) spread_row(y / cell_px, cell_px);
+      const std::uint16_t* z = depth.row(area.y + y) + area.x;
+      in_bounds(z, area.width, mask.ptr<uchar>(y));
+      const int in_box = area.y + y - instance.box.y;
+      if (instance.mask.empty() || in_box < 0 || in_box >= instance.box.height) continue;
+      const int x = instance.box.x - area.x;
+      add_unmeasured(z + x, instance.mask.ptr<uchar>(in_box), instance.box.width,
+                     mask.ptr<uchar>(y) + x);
     }
     // At outlines cameras measure nothing.
-    wide_.create(cells.depth().size());
+    wide_.create(depth.size());
     cv::Mat wide = wide_(area);
     detail::dilate_square(mask, 1, wide);
-    cv::bitwise_or(mask, wide, mask, unmeasured);
+    for (int y = 0; y < area.height; ++y)
+      add_unmeasured(depth.row(area.y + y) + area.x, wide.ptr<uchar>(y), area.width,
+                     mask.ptr<uchar>(y));
   }
 
  private:
   static constexpr std::uint16_t kMost = 65535;
-
-  // The value of each cell for all its pixels, in a buffer for the whole image.
-  static cv::Mat pixels_of(const cv::Mat& of_cells, int cell_px, const cv::Size& image,
-                           cv::Mat& buffer) {
-    buffer.create(image + cv::Size(cell_px, cell_px), CV_16UC1);
-    cv::Mat pixels = buffer(cv::Rect({}, of_cells.size() * cell_px));
-    cv::resize(of_cells, pixels, pixels.size(), 0, 0, cv::INTER_NEAREST);
-    return pixels;
-  }
 
   // The depths, in units, that pixels of each cell used may have: those of the cells of the region
   // around it, and a little more.
@@ -87,9 +78,33 @@ class RegionPixels {
       }
   }
 
-  cv::Mat_<std::uint16_t> lo_, hi_;              // of the cells used
-  cv::Mat_<std::uint16_t> lo_px_, hi_px_;        // of their pixels
-  cv::Mat_<uchar> unmeasured_, on_mask_, wide_;  // of the image
+  // The bounds of a row of cells, for each pixel.
+  void spread_row(int row, int cell_px) {
+    const std::size_t cell = static_cast<std::size_t>(cell_px);
+    lo_row_.resize(static_cast<std::size_t>(lo_.cols) * cell);
+    hi_row_.resize(lo_row_.size());
+    for (int x = 0; x < lo_.cols; ++x) {
+      const std::ptrdiff_t at = static_cast<std::ptrdiff_t>(x) * cell_px;
+      std::fill_n(lo_row_.begin() + at, cell, lo_(row, x));
+      std::fill_n(hi_row_.begin() + at, cell, hi_(row, x));
+    }
+  }
+
+  // Without branches, as loops of vector instructions.
+  void in_bounds(const std::uint16_t* z, int n, uchar* STILLPOINT_RESTRICT out) const {
+    const std::uint16_t *lo = lo_row_.data(), *hi = hi_row_.data();
+    for (int x = 0; x < n; ++x) out[x] = ((z[x] >= lo[x]) & (z[x] <= hi[x])) ? 255 : 0;
+  }
+
+  // Adds the pixels of `among` that have no depth.
+  static void add_unmeasured(const std::uint16_t* z, const uchar* among, int n,
+                             uchar* STILLPOINT_RESTRICT out) {
+    for (int x = 0; x < n; ++x) out[x] = ((z[x] == 0) & (among[x] != 0)) ? 255 : out[x];
+  }
+
+  cv::Mat_<std::uint16_t> lo_, hi_;  // of the cells used
+  std::vector<std::uint16_t> lo_row_, hi_row_;
+  cv::Mat_<uchar> wide_;  // of the image
 };
 
 }  // namespace stillpoint
