@@ -13,6 +13,11 @@
 namespace stillpoint::python {
 namespace {
 
+[[noreturn]] void not_defined(const char* method) {
+  throw Error("Tracker." + std::string(method) +
+              ": expected a subclass that defines it, found none");
+}
+
 using Pose = std::optional<Eigen::Isometry3d>;
 
 py::object image_of(const DynamicMask& mask) {
@@ -70,9 +75,7 @@ class PyTracker : public Tracker {
   }
   py::function needed(const char* name) const {
     const py::function own = override_of(name);
-    if (!own)
-      throw Error("Tracker." + std::string(name) +
-                  ": expected a subclass that defines it, found none");
+    if (!own) not_defined(name);
     return own;
   }
 
@@ -162,7 +165,7 @@ void bind_tracker(py::module_& m) {
       .def(
           "extract",
           [](Tracker&, const py::object&, const py::object&) -> py::object {
-            throw Error("Tracker.extract: expected a subclass that defines it, found none");
+            not_defined("extract");
           },
           py::arg("frame"), py::arg("mask"),
           "Extracts keypoints of an RgbdFrame outside the mask, (H, W) uint8, 255 = dynamic; "
@@ -171,7 +174,7 @@ void bind_tracker(py::module_& m) {
       .def(
           "track",
           [](Tracker&, const py::object&, const py::object&, const py::object&) -> py::object {
-            throw Error("Tracker.track: expected a subclass that defines it, found none");
+            not_defined("track");
           },
           py::arg("frame"), py::arg("mask"), py::arg("selection"),
           "Tracks the frame on the selected keypoints of the last extract(). Returns\n"
