@@ -107,5 +107,5 @@ endfunction()
 # The test of the back end whose CMakeLists.txt calls it: test.cpp of that folder.
 function(stillpoint_backend_test name)
   stillpoint_test_program(stillpoint_${name}_test ${CMAKE_CURRENT_SOURCE_DIR}/test.cpp
-                          stillpoint::${name} stillpoint::testing ${ARGN})
+                          stillpoint::${name} ${ARGN})
 endfunction()
