@@ -4,7 +4,6 @@
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 #include <cstddef>
-#include <vector>
 
 #include "stillpoint/core/config.hpp"
 #include "stillpoint/core/lens.hpp"

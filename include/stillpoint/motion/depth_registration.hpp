@@ -46,7 +46,7 @@ class DepthRegistration {
     Result result{prior, 0};
     for (int i = 0; i < kSteps; ++i) {
       // From far few agree exactly, and few points are enough.
-      compare(cells, result.T_map_depth, i == 0 ? 3.0f : i == 1 ? 2.0f : 1.0f, i < 2 ? 4 : 2);
+      compare(cells, result.T_map_depth, i == 0 ? 3.0f : i == 1 ? 2.0f : 1.0f, i < 2 ? 2 : 1);
       if (weight_.size() < kFewest) return std::nullopt;
       result.fit = static_cast<double>(agreeing_) / static_cast<double>(compared_);
       const double step = improve(prior, rotation_sigma, translation_sigma_m, result.T_map_depth);
@@ -72,14 +72,17 @@ class DepthRegistration {
     float area;
   };
 
-  // Every third cell.
+  // Every third cell, and of those that are measured every second.
   void take_points(const DepthCells& cells) {
     points_.clear();
+    bool take = false;
     for (int y = 0; y < cells.height; ++y)
       for (int x = y % 3; x < cells.width; x += 3) {
         const std::size_t i = cells.index(x, y);
         const float z = cells.depth_m[i];
         if (!(z > 0)) continue;
+        take = !take;
+        if (!take) continue;
         const float counted = std::min(z, kMostCountedM);
         points_.push_back({{cells.ray_x[i] * z, cells.ray_y[i] * z, z}, counted * counted});
       }

@@ -7,9 +7,9 @@
 #include <string>
 #include <vector>
 
-#include "stillpoint/evaluation/associate.hpp"
 #include "stillpoint/core/error.hpp"
 #include "stillpoint/core/trajectory.hpp"
+#include "stillpoint/evaluation/associate.hpp"
 
 namespace stillpoint {
 

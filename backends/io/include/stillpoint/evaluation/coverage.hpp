@@ -7,9 +7,9 @@
 #include <string>
 #include <vector>
 
-#include "stillpoint/evaluation/associate.hpp"
 #include "stillpoint/core/error.hpp"
 #include "stillpoint/core/trajectory.hpp"
+#include "stillpoint/evaluation/associate.hpp"
 #include "stillpoint/evaluation/error_statistics.hpp"
 #include "stillpoint/evaluation/timestamps.hpp"
 #include "stillpoint/evaluation/trajectory_error.hpp"

@@ -7,10 +7,10 @@
 #include <string>
 #include <vector>
 
-#include "stillpoint/evaluation/associate.hpp"
 #include "stillpoint/core/error.hpp"
 #include "stillpoint/core/trajectory.hpp"
 #include "stillpoint/evaluation/alignment.hpp"
+#include "stillpoint/evaluation/associate.hpp"
 #include "stillpoint/evaluation/error_statistics.hpp"
 #include "stillpoint/evaluation/relative_error.hpp"
 #include "stillpoint/evaluation/timestamps.hpp"

@@ -23,7 +23,7 @@ namespace stillpoint {
 namespace detail {
 
 template <class Settings, class Visit>
-void for_each_setting_of_the_paper(Settings& s, const Visit& visit) {
+void for_each_setting_of_masks(Settings& s, const Visit& visit) {
   visit("use_compensation", s.use_compensation);
   visit("use_depth", s.use_depth);
   visit("use_probability", s.use_probability);
@@ -59,7 +59,7 @@ void for_each_setting_of_the_paper(Settings& s, const Visit& visit) {
 }
 
 template <class Settings, class Visit>
-void for_each_setting_beyond_the_paper(Settings& s, const Visit& visit) {
+void for_each_setting_of_motion(Settings& s, const Visit& visit) {
   visit("motion.block_px", s.motion.block_px);
   visit("motion.movers.min_moved_cells", s.motion.movers.min_moved_cells);
   visit("motion.movers.min_moved_area_m2", s.motion.movers.min_moved_area_m2);
@@ -99,8 +99,8 @@ void for_each_setting_beyond_the_paper(Settings& s, const Visit& visit) {
 /// dynamic_classes is not in it. `Settings`: FrontEndSettings, or the same const.
 template <class Settings, class Visit>
 void for_each_setting(Settings& s, const Visit& visit) {
-  detail::for_each_setting_of_the_paper(s, visit);
-  detail::for_each_setting_beyond_the_paper(s, visit);
+  detail::for_each_setting_of_masks(s, visit);
+  detail::for_each_setting_of_motion(s, visit);
 }
 
 namespace detail {

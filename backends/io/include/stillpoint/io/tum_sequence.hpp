@@ -8,9 +8,9 @@
 #include <utility>
 #include <vector>
 
-#include "stillpoint/evaluation/associate.hpp"
 #include "stillpoint/core/camera.hpp"
 #include "stillpoint/core/frame.hpp"
+#include "stillpoint/evaluation/associate.hpp"
 #include "stillpoint/io/camera_file.hpp"
 #include "stillpoint/io/image_file.hpp"
 #include "stillpoint/io/text_file.hpp"
