@@ -104,6 +104,13 @@ function(stillpoint_test_program name sources)
   gtest_discover_tests(${name} DISCOVERY_TIMEOUT 60)
 endfunction()
 
+# Compiles the files of a program `files_at_once` at a time: each alone would compile the headers of
+# OpenCV, Eigen and the front end again, which is most of the work.
+function(stillpoint_compile_together target files_at_once)
+  set_target_properties(${target} PROPERTIES
+    UNITY_BUILD ON UNITY_BUILD_BATCH_SIZE ${files_at_once})
+endfunction()
+
 # The test of the back end whose CMakeLists.txt calls it: test.cpp of that folder.
 function(stillpoint_backend_test name)
   stillpoint_test_program(stillpoint_${name}_test ${CMAKE_CURRENT_SOURCE_DIR}/test.cpp

@@ -163,7 +163,7 @@ void bench(const BenchOptions& options) {
   if (!good) throw Error("bench: at least one run broke off; the lines above say why");
 }
 
-const char* const kFooter = R"(
+const char* const kBenchFooter = R"(
 Variants: off, paper, network_only (without the motion check), default, no_compensation, no_depth,
 no_probability, no_masks (the motion check alone), truth (masks_gt as masks, nothing to repair).
 
@@ -275,7 +275,7 @@ void add_bench_command(CLI::App& app) {
       ->type_name("NAME,...");
   add_setting_options(command, plan);
   add_run_options(command, *options);
-  command->footer(kFooter);
+  command->footer(kBenchFooter);
   command->callback([options, command] {
     if (!options->paper.empty()) {
       // As the paper did, unless told otherwise.

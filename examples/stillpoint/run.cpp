@@ -249,7 +249,7 @@ void add_save_options(CLI::App* command, RunCommand& c) {
           1, 1000);
 }
 
-const char* const kFooter = R"(
+const char* const kRunFooter = R"(
 Examples:
   stillpoint run walk --out out
   stillpoint run rgbd_dataset_freiburg3_walking_xyz --camera fr3 --masks my_masks --out out
@@ -296,7 +296,7 @@ void add_run_command(CLI::App& app) {
   add_front_end_options(command, s);
   add_run_options(command, s);
   add_save_options(command, *options);
-  command->footer(kFooter);
+  command->footer(kRunFooter);
   command->callback([options] { run(*options); });
 }
 

@@ -12,7 +12,7 @@
 namespace stillpoint {
 namespace {
 
-constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
+constexpr float kNotANumber = std::numeric_limits<float>::quiet_NaN();
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
 
 bool same_bytes(const cv::Mat& a, const cv::Mat& b) {
@@ -33,7 +33,7 @@ cv::Mat float_depth() {
   cv::Mat depth(30, 40, CV_32FC1);
   for (int y = 0; y < depth.rows; ++y)
     for (int x = 0; x < depth.cols; ++x) depth.at<float>(y, x) = 1 + 0.01f * static_cast<float>(x);
-  depth.at<float>(3, 4) = kNan, depth.at<float>(12, 12) = kNan;
+  depth.at<float>(3, 4) = kNotANumber, depth.at<float>(12, 12) = kNotANumber;
   depth.at<float>(5, 6) = kInfinity, depth.at<float>(7, 8) = 0;
   return depth;
 }
@@ -94,7 +94,7 @@ TEST(MaskFunctions, ProbabilityFallsOffAroundTheMask) {
   EXPECT_EQ(p.at<float>(12, 21), 0);
   EXPECT_EQ(cv::countNonZero(dynamic_probability(mask, 0)), 8 * 6) << "no rim: the mask";
   const std::vector<cv::Point2f> points{{12, 12},  {18.4f, 12}, {30, 12},
-                                        {kNan, 2}, {-1, 2},     {39.6f, 2}};
+                                        {kNotANumber, 2}, {-1, 2},     {39.6f, 2}};
   const std::vector<float> at = dynamic_probability_at(points, mask, 4);
   EXPECT_EQ(at[0], 1);
   EXPECT_NEAR(at[1], 0.75, 1e-6);
@@ -111,7 +111,7 @@ TEST(MaskFunctions, SayWhatIsWrong) {
   EXPECT_ERROR(masked_depth(cv::Mat(30, 40, CV_64FC1), mask), "found CV_64FC1");
   EXPECT_ERROR(masked_depth(cv::Mat(), mask), "depth", "found an empty one");
   EXPECT_ERROR(masked_depth(depth, mask.rowRange(0, 20)), "mask's size 40x20, found 40x30");
-  EXPECT_ERROR(dynamic_probability(mask, kNan), "rim_px", "found nan");
+  EXPECT_ERROR(dynamic_probability(mask, kNotANumber), "rim_px", "found nan");
   EXPECT_ERROR(dynamic_probability(mask, -1), "rim_px", "found -1");
 }
 

@@ -19,11 +19,11 @@ namespace {
 
 using namespace stillpoint;
 
-constexpr double kStart = 1341846313.59;
+constexpr double kFirstFrameS = 1341846313.59;
 
-double time_of(int i) { return kStart + i / 30.0; }
+double time_of(int i) { return kFirstFrameS + i / 30.0; }
 int index_of(const RgbdFrame& frame) {
-  return static_cast<int>(std::lround((frame.timestamp - kStart) * 30));
+  return static_cast<int>(std::lround((frame.timestamp - kFirstFrameS) * 30));
 }
 
 class Scripted : public Segmenter {

@@ -33,7 +33,7 @@ py::object status_of(std::uint32_t bits) {
 }
 
 template <class Gate, class Read>
-auto reader(Read read) {
+auto component_reader(Read read) {
   return [read](Gate& g) {
     const Use use(g.gate);
     return read(g.component);

@@ -118,7 +118,7 @@ py::array map_points(PySlam& s) {
 }
 
 template <class Read>
-auto reader(Read read) {
+auto slam_reader(Read read) {
   return [read](PySlam& s) {
     const PySlam::Use use(s);
     return read(s.slam);
@@ -161,15 +161,15 @@ void bind_slam(py::module_& m) {
           py::arg("threaded") = false, py::arg("loop_closing") = true,
           py::arg("sensor") = py::none());
   bind_steps(cls);
-  cls.def("trajectory", reader([](auto& s) { return trajectory_to_python(s.trajectory()); }),
+  cls.def("trajectory", slam_reader([](auto& s) { return trajectory_to_python(s.trajectory()); }),
           "Poses of all tracked frames as they are known now.")
       .def("keyframe_trajectory",
-           reader([](auto& s) { return trajectory_to_python(s.keyframe_trajectory()); }),
+           slam_reader([](auto& s) { return trajectory_to_python(s.keyframe_trajectory()); }),
            "Poses of the keyframes in the map.")
       .def("map_points", &map_points, "Positions of the map's points, (M, 3) float64, metres.")
-      .def_property_readonly("keyframes", reader([](auto& s) { return s.keyframes(); }),
+      .def_property_readonly("keyframes", slam_reader([](auto& s) { return s.keyframes(); }),
                              "Number of keyframes in the map.")
-      .def_property_readonly("loops_closed", reader([](auto& s) { return s.loops_closed(); }))
+      .def_property_readonly("loops_closed", slam_reader([](auto& s) { return s.loops_closed(); }))
       .def("__repr__", [](PySlam& s) {
         const PySlam::Use use(s);
         return "<SlamSystem: " + std::to_string(s.slam.keyframes()) + " keyframes, " +

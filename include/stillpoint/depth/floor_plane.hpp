@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #pragma once
 
-#include <Eigen/Cholesky>
+#include <Eigen/Core>
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
@@ -9,6 +9,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "stillpoint/core/normal_equations.hpp"
 #include "stillpoint/core/random.hpp"
 
 namespace stillpoint {
@@ -102,10 +103,11 @@ inline InversePlane find_floor(const std::vector<InverseSample>& samples, const 
     square += row * row.transpose();
     right += row * s.inverse;
   }
-  const Eigen::LDLT<Eigen::Matrix3d> factor(square);
-  if (!(factor.vectorD().minCoeff() > 1e-9)) return best;
-  const Eigen::Vector3f plane = factor.solve(right).cast<float>();
-  best.a = plane.x(), best.b = plane.y(), best.c = plane.z();
+  const auto plane = detail::solve_normal_equations<3>(square, right);
+  if (!plane) return best;
+  best.a = static_cast<float>((*plane)[0]);
+  best.b = static_cast<float>((*plane)[1]);
+  best.c = static_cast<float>((*plane)[2]);
   return best;
 }
 

@@ -13,6 +13,7 @@
 
 #include "stillpoint/core/depth_view.hpp"
 #include "stillpoint/core/frame_context.hpp"
+#include "stillpoint/core/rigid_motion.hpp"
 #include "stillpoint/motion/corner_image.hpp"
 #include "stillpoint/motion/flow_consensus.hpp"
 #include "stillpoint/motion/patch_shift.hpp"
@@ -200,7 +201,8 @@ class CameraMotion {
 
   // How far apart two rotations put a corner, fine pixels.
   double far_px(const Eigen::Isometry3d& a, const Eigen::Isometry3d& b) const {
-    const double angle = Eigen::AngleAxisd(a.linear().transpose() * b.linear()).angle();
+    const Eigen::Isometry3d apart = a.inverse() * b;
+    const double angle = detail::rotation_angle(apart.linear());
     return angle * static_cast<double>(current_.fx) / current_.scale;
   }
 

@@ -4,6 +4,8 @@
 #include <Eigen/Geometry>
 #include <optional>
 
+#include "stillpoint/core/rigid_motion.hpp"
+
 namespace stillpoint {
 
 /// Predicts a camera's motion from a host's last two poses, for hosts that give their poses but
@@ -19,8 +21,7 @@ class ConstantVelocity {
     moving_ = known_ && step_s > 0 && step_s < kMaxGap_s;
     if (moving_) {
       const Eigen::Isometry3d T_new_last = T_world_camera.inverse() * T_world_last_;
-      const Eigen::AngleAxisd rotation(T_new_last.linear());
-      rotation_per_s_ = rotation.angle() / step_s * rotation.axis();
+      rotation_per_s_ = detail::rotation_vector(T_new_last.linear()) / step_s;
       speed_per_s_ = T_new_last.translation() / step_s;
     }
     T_world_last_ = T_world_camera;
@@ -37,11 +38,8 @@ class ConstantVelocity {
     const double step_s = to_s - from_s;
     if (!moving_ || !(step_s > 0 && step_s < kMaxGap_s) || !(to_s - last_s_ < kMaxGap_s))
       return std::nullopt;
-    const Eigen::Vector3d rotation = rotation_per_s_ * step_s;
     Eigen::Isometry3d T_to_from = Eigen::Isometry3d::Identity();
-    if (rotation.norm() > 0)
-      T_to_from.linear() =
-          Eigen::AngleAxisd(rotation.norm(), rotation.normalized()).toRotationMatrix();
+    T_to_from.linear() = detail::rotation_matrix(rotation_per_s_ * step_s);
     T_to_from.translation() = speed_per_s_ * step_s;
     return T_to_from;
   }

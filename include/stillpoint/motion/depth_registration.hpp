@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "stillpoint/core/normal_equations.hpp"
+#include "stillpoint/core/rigid_motion.hpp"
 #include "stillpoint/motion/depth_cells.hpp"
 #include "stillpoint/motion/free_space_map.hpp"
 #include "stillpoint/sensor/sensor_model.hpp"
@@ -155,25 +156,17 @@ class DepthRegistration {
     Eigen::Matrix<double, 6, 6> H = sum.cast<double>() * per;
     Eigen::Matrix<double, 6, 1> g = right.cast<double>() * per;
     const Eigen::Isometry3d off = prior.inverse() * T;
-    const Eigen::AngleAxisd rotated(off.linear());
-    const Eigen::Vector3d rotation = rotated.angle() * rotated.axis();
     const double of_t = 1 / (translation_sigma_m * translation_sigma_m);
     const double of_r = 1 / (rotation_sigma * rotation_sigma);
     H.diagonal().head<3>().array() += of_t;
     H.diagonal().tail<3>().array() += of_r;
     g.head<3>() += of_t * off.translation();
-    g.tail<3>() += of_r * rotation;
+    g.tail<3>() += of_r * detail::rotation_vector(off.linear());
     const auto solved = detail::solve_normal_equations<6>(H, -g);
     if (!solved) return std::numeric_limits<double>::infinity();
-    const Eigen::Matrix<double, 6, 1>& d = *solved;
-    const double angle = d.tail<3>().norm();
-    Eigen::Isometry3d step = Eigen::Isometry3d::Identity();
-    if (angle > 1e-12)
-      step.linear() = Eigen::AngleAxisd(angle, d.tail<3>() / angle).toRotationMatrix();
-    step.translation() = d.head<3>();
-    T = T * step;
-    T.linear() = Eigen::Quaterniond(T.linear()).normalized().toRotationMatrix();
-    return d.norm();
+    T = T * detail::motion_of_step(*solved);
+    detail::normalize_rotation(T);
+    return solved->norm();
   }
 
   static constexpr float kCellSigmaM = 0.005f;  // a cell's depth is a mean over its pixels

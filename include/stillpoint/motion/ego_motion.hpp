@@ -11,6 +11,7 @@
 
 #include "stillpoint/core/error.hpp"
 #include "stillpoint/core/frame_context.hpp"
+#include "stillpoint/core/rigid_motion.hpp"
 #include "stillpoint/core/status.hpp"
 #include "stillpoint/motion/camera_motion.hpp"
 
@@ -148,17 +149,14 @@ class EgoMotion {
     Eigen::Isometry3d ahead = Eigen::Isometry3d::Identity();
     const double seconds = timestamp - last_s_;
     if (seconds == 0 || !motion_) return T_world_camera_;
-    const Eigen::Vector3d rotation = angular_velocity() * seconds;
-    if (rotation.norm() > 0)
-      ahead.linear() = Eigen::AngleAxisd(rotation.norm(), rotation.normalized()).toRotationMatrix();
+    ahead.linear() = detail::rotation_matrix(angular_velocity() * seconds);
     ahead.translation() = motion_->inverse().translation() * (seconds / step_s_);
     return T_world_camera_ * ahead;
   }
   /// The camera's rotation per second about its own axes, rad/s; 0 where it is not known.
   Eigen::Vector3d angular_velocity() const {
     if (!motion_ || !(step_s_ > 0 && std::isfinite(step_s_))) return Eigen::Vector3d::Zero();
-    const Eigen::AngleAxisd rotated(motion_->linear().transpose());
-    return rotated.angle() / step_s_ * rotated.axis();
+    return detail::rotation_vector(motion_->linear()) / -step_s_;
   }
   /// Its speed, m/s; 0 where it is not known.
   double speed_m_s() const {
@@ -200,14 +198,14 @@ class EgoMotion {
 
   bool is_cut(const Eigen::Isometry3d& T) const {
     return !(T.translation().norm() < settings_.max_step_m &&
-             Eigen::AngleAxisd(T.linear()).angle() * 180 / CV_PI < settings_.max_rotation_deg);
+             detail::rotation_angle(T.linear()) * 180 / CV_PI < settings_.max_rotation_deg);
   }
 
   bool is_jump(const Eigen::Isometry3d& T_current_last) const {
     if (!motion_) return is_cut(T_current_last);
     const Eigen::Isometry3d off = T_current_last * motion_->inverse();
     return !(off.translation().norm() < settings_.jump_m &&
-             Eigen::AngleAxisd(off.linear()).angle() < settings_.jump_rad);
+             detail::rotation_angle(off.linear()) < settings_.jump_rad);
   }
 
   void measure(const FrameContext& context) {
@@ -226,9 +224,7 @@ class EgoMotion {
       return;
     }
     T_world_camera_ = before_ * motion_->inverse();
-    // Products of many rotations must stay a rotation.
-    T_world_camera_.linear() =
-        Eigen::Quaterniond(T_world_camera_.linear()).normalized().toRotationMatrix();
+    detail::normalize_rotation(T_world_camera_);
   }
 
   void cut() {

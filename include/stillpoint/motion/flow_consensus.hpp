@@ -10,6 +10,7 @@
 
 #include "stillpoint/core/normal_equations.hpp"
 #include "stillpoint/core/random.hpp"
+#include "stillpoint/core/rigid_motion.hpp"
 #include "stillpoint/motion/corner_image.hpp"
 #include "stillpoint/motion/packet.hpp"
 
@@ -227,15 +228,9 @@ class FlowConsensus {
   static std::optional<double> step(const Normal& normal, Eigen::Isometry3d& T) {
     const auto solved = solve_normal_equations<6>(normal.H, -normal.g);
     if (!solved || solved->norm() > 1) return std::nullopt;
-    const Eigen::Matrix<double, 6, 1>& d = *solved;
-    Eigen::Isometry3d by = Eigen::Isometry3d::Identity();
-    const double angle = d.tail<3>().norm();
-    if (angle > 1e-12)
-      by.linear() = Eigen::AngleAxisd(angle, d.tail<3>() / angle).toRotationMatrix();
-    by.translation() = d.head<3>();
-    T = by * T;
-    T.linear() = Eigen::Quaterniond(T.linear()).normalized().toRotationMatrix();
-    return d.norm();
+    T = motion_of_step(*solved) * T;
+    normalize_rotation(T);
+    return solved->norm();
   }
 
   // Of the image where the flows are seen.

@@ -3,7 +3,6 @@
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
-#include <Eigen/LU>
 #include <algorithm>
 #include <array>
 #include <cstddef>
@@ -12,6 +11,7 @@
 #include <optional>
 
 #include "stillpoint/core/normal_equations.hpp"
+#include "stillpoint/core/rigid_motion.hpp"
 #include "stillpoint/motion/corner_image.hpp"
 #include "stillpoint/motion/packet.hpp"
 
@@ -39,7 +39,7 @@ class RotationAlignment {
       if (std::min(smaller_[level].cols, smaller_[level].rows) < 3) continue;
       cv::GaussianBlur(smaller_before_[level], small_before_, {3, 3}, 0.8);
       cv::GaussianBlur(smaller_[level], small_, {3, 3}, 0.8);
-      const Eigen::Matrix3d K = small_camera(now, fine_px * now.scale);
+      const cv::Matx33d K = small_camera(now, fine_px * now.scale);
       float brighter = 0;
       for (int i = 0; i < 8; ++i) {
         const std::optional<double> size = step(K, unlike, brighter, T);
@@ -47,26 +47,25 @@ class RotationAlignment {
         if (*size < 1e-3) break;
       }
     }
-    T.linear() = Eigen::Quaterniond(T.linear()).normalized().toRotationMatrix();
+    normalize_rotation(T);
     return T;
   }
 
  private:
   // The camera of an image whose pixels are squares of `px` of the frame's.
-  static Eigen::Matrix3d small_camera(const CornerImage& image, double px) {
-    Eigen::Matrix3d K = Eigen::Matrix3d::Identity();
+  static cv::Matx33d small_camera(const CornerImage& image, double px) {
+    cv::Matx33d K = cv::Matx33d::eye();
     K(0, 0) = image.fx / px, K(0, 2) = (image.cx + 0.5) / px - 0.5;
     K(1, 1) = image.fy / px, K(1, 2) = (image.cy + 0.5) / px - 0.5;
     return K;
   }
 
   // One step of Gauss and Newton over all pixels of the small images; its size, radians.
-  std::optional<double> step(const Eigen::Matrix3d& K, float unlike, float& brighter,
+  std::optional<double> step(const cv::Matx33d& K, float unlike, float& brighter,
                              Eigen::Isometry3d& T) {
-    const Eigen::Matrix3d to_now = K * T.linear() * K.inverse();
-    cv::Matx33d warp;
-    for (int i = 0; i < 9; ++i) warp.val[i] = to_now(i / 3, i % 3);
-    cv::warpPerspective(small_, warped_, warp, small_.size(),
+    cv::Matx33d R;
+    for (int i = 0; i < 9; ++i) R.val[i] = T.linear()(i / 3, i % 3);
+    cv::warpPerspective(small_, warped_, K * R * K.inv(), small_.size(),
                         cv::INTER_LINEAR | cv::WARP_INVERSE_MAP, cv::BORDER_CONSTANT, -1);
     const float fx = static_cast<float>(K(0, 0)), cx = static_cast<float>(K(0, 2));
     const float fy = static_cast<float>(K(1, 1)), cy = static_cast<float>(K(1, 2));
@@ -95,11 +94,13 @@ class RotationAlignment {
     const auto solved = solve_normal_equations<4>(normal.matrix(), normal.right());
     if (!solved) return std::nullopt;
     const Eigen::Vector4d& d = *solved;
-    const double angle = d.head<3>().norm();
+    const Eigen::Vector3d rotation = d.head<3>();
+    const double angle = rotation.norm();
     if (!(angle < 0.3)) return std::nullopt;
     // The steps are those of the image before, so they are taken back.
-    if (angle > 0)
-      T.linear() = T.linear() * Eigen::AngleAxisd(-angle, d.head<3>() / angle).toRotationMatrix();
+    Eigen::Isometry3d back = Eigen::Isometry3d::Identity();
+    back.linear() = rotation_matrix(-rotation);
+    T = T * back;
     brighter += static_cast<float>(d[3]);
     return angle;
   }

@@ -268,11 +268,10 @@ class ObjectTracker {
 
   static ObjectState seen_from(const Eigen::Isometry3d& T, const PositionVelocityFilter& filter) {
     ObjectState state;
+    const Eigen::Matrix3d R = T.linear();
     state.centroid_m = T * filter.position();
-    state.velocity_m_s = T.linear() * filter.velocity();
-    Eigen::Matrix<double, 6, 6> R = Eigen::Matrix<double, 6, 6>::Zero();
-    R.topLeftCorner<3, 3>() = R.bottomRightCorner<3, 3>() = T.linear();
-    state.covariance = R * filter.covariance() * R.transpose();
+    state.velocity_m_s = R * filter.velocity();
+    state.covariance = filter.covariance(R);
     return state;
   }
 
