@@ -48,7 +48,7 @@ Camera make_camera(double fx, double fy, double cx, double cy, const py::kwargs&
   return camera;
 }
 
-std::string repr_of(const Camera& c) {
+std::string camera_repr(const Camera& c) {
   std::ostringstream out;
   out.precision(9);
   out << "Camera(fx=" << c.fx << ", fy=" << c.fy << ", cx=" << c.cx << ", cy=" << c.cy;
@@ -130,10 +130,10 @@ void bind_camera(py::module_& m) {
             return array_of(std::vector<double>{c.k1, c.k2, c.p1, c.p2, c.k3});
           },
           "k1, k2, p1, p2, k3 as (5,) float64, as OpenCV takes them.")
-      .def("__repr__", &repr_of)
+      .def("__repr__", &camera_repr)
       .def("__eq__",
            [](const Camera& a, const py::object& b) {
-             return py::isinstance<Camera>(b) && repr_of(a) == repr_of(b.cast<Camera>());
+             return py::isinstance<Camera>(b) && camera_repr(a) == camera_repr(b.cast<Camera>());
            })
       .def("__copy__", [](const Camera& c) { return Camera(c); })
       .def(

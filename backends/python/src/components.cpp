@@ -70,13 +70,14 @@ void bind_compensator(py::module_& m) {
           "The segmentation of an RgbdFrame with missed objects restored.\n\nsegmentation: a "
           "Segmentation, a label image, a list of Instance, or None: no result.\nT_current_last: 4 "
           "x 4, maps points of the last frame's camera into this one's.")
-      .def("reset", reader<Compensator>([](SegmentationCompensator& c) { c.reset(); }),
+      .def("reset", component_reader<Compensator>([](SegmentationCompensator& c) { c.reset(); }),
            "Forgets everything (a cut in the sequence).")
-      .def_property_readonly("restored", reader<Compensator>([](auto& c) { return c.restored(); }),
+      .def_property_readonly("restored",
+                             component_reader<Compensator>([](auto& c) { return c.restored(); }),
                              "How many objects the last call restored.")
-      .def_property_readonly("status",
-                             reader<Compensator>([](auto& c) { return status_of(c.status()); }),
-                             "FrameStatus bits of the last call.");
+      .def_property_readonly(
+          "status", component_reader<Compensator>([](auto& c) { return status_of(c.status()); }),
+          "FrameStatus bits of the last call.");
 }
 
 void bind_fuser(py::module_& m) {
@@ -105,13 +106,16 @@ void bind_fuser(py::module_& m) {
           py::arg("frame"), py::arg("segmentation"), py::arg("T_current_last") = py::none(),
           "The mask of an RgbdFrame, (H, W) uint8, 255 = dynamic.\n\nsegmentation: a Segmentation, "
           "a label image, or a list of Instance.")
-      .def("undilated",
-           reader<Fuser>([](auto& f) { return array_of(cv::Mat(f.undilated().clone())); }),
+      .def("undilated", component_reader<Fuser>([](auto& f) {
+             return array_of(cv::Mat(f.undilated().clone()));
+           }),
            "The last mask before dilation, (H, W) uint8, 255 = dynamic.")
-      .def_property_readonly(
-          "instances", reader<Fuser>([](auto& f) { return std::vector<Instance>(f.instances()); }),
-          "The instances of the last call with their new masks.")
-      .def_property_readonly("status", reader<Fuser>([](auto& f) { return status_of(f.status()); }),
+      .def_property_readonly("instances", component_reader<Fuser>([](auto& f) {
+                               return std::vector<Instance>(f.instances());
+                             }),
+                             "The instances of the last call with their new masks.")
+      .def_property_readonly("status",
+                             component_reader<Fuser>([](auto& f) { return status_of(f.status()); }),
                              "FrameStatus.NO_DEPTH or 0.");
 }
 
@@ -139,9 +143,9 @@ void bind_filter(py::module_& m) {
           py::arg("keypoints"), py::arg("mask"), py::arg("compute_probability") = true,
           "Judges keypoints, (N, 2), x and y in pixels, or cv2.KeyPoint, against a mask, (H, W)\n"
           "uint8 or bool, not 0 = dynamic; None: nothing is dynamic.")
-      .def_property_readonly("status",
-                             reader<Filter>([](auto& f) { return status_of(f.status()); }),
-                             "FrameStatus bits of the last call.");
+      .def_property_readonly(
+          "status", component_reader<Filter>([](auto& f) { return status_of(f.status()); }),
+          "FrameStatus bits of the last call.");
 }
 
 }  // namespace

@@ -30,7 +30,7 @@ double units_of(const py::object& value, double otherwise) {
       "1000 for millimetres), found None and no camera that tells");
 }
 
-std::string repr_of(const RgbdFrame& f) {
+std::string frame_repr(const RgbdFrame& f) {
   const std::string size = std::to_string(f.color.cols) + " x " + std::to_string(f.color.rows);
   return "<RgbdFrame " + size + (f.color.channels() == 3 ? " BGR" : " gray") +
          (f.depth.empty()             ? ", no depth"
@@ -158,7 +158,7 @@ void bind_frame(py::module_& m) {
             return array_of(metres);
           },
           "Depth in metres, (H, W) float32; 0: no measurement.")
-      .def("__repr__", &repr_of);
+      .def("__repr__", &frame_repr);
   bind_depth_check(m);
 }
 

@@ -9,10 +9,12 @@ namespace {
 using Compensation = SegmentationCompensatorSettings;
 using Depth = DepthMaskFuserSettings;
 
-SettingsTable compensation, depth, probability, movers, motion, ego, late, blur, objects, sensor;
+struct {
+  SettingsTable compensation, depth, probability, movers, motion, ego, late, blur, objects, sensor;
+} tables;
 
 void bind_paper_stages(py::module_& m) {
-  SettingsClass<Compensation>(m, compensation, "SegmentationCompensatorSettings",
+  SettingsClass<Compensation>(m, tables.compensation, "SegmentationCompensatorSettings",
                               "Settings of SegmentationCompensator (paper section 3.1).")
       .add_choice("trigger", &Compensation::trigger, {"global", "per_object"},
                   "'per_object', or 'global': the paper's, by the area of the whole mask.")
@@ -40,7 +42,7 @@ void bind_paper_stages(py::module_& m) {
       .add("sudden_results", &Compensation::sudden_results, "Until so many results show it.")
       .add("max_speed_m_s", &Compensation::max_speed_m_s, "Bound on an object's speed, m/s.")
       .add_preset("paper", &Compensation::paper, "The paper's method, changed by keywords.");
-  SettingsClass<Depth>(m, depth, "DepthMaskFuserSettings",
+  SettingsClass<Depth>(m, tables.depth, "DepthMaskFuserSettings",
                        "Settings of DepthMaskFuser (paper section 3.2).")
       .add_choice("method", &Depth::method, {"paper", "connected"},
                   "'connected', or 'paper': mean depth of the box +- range_m.")
@@ -53,7 +55,7 @@ void bind_paper_stages(py::module_& m) {
       .add("seed", &Depth::seed, "Seed of the samples' places.")
       .add_preset("paper", &Depth::paper, "The paper's method, changed by keywords.");
   using Filter = KeypointFilterSettings;
-  SettingsClass<Filter>(m, probability, "KeypointFilterSettings",
+  SettingsClass<Filter>(m, tables.probability, "KeypointFilterSettings",
                         "Settings of ProbabilisticKeypointFilter (paper section 3.3).")
       .add("radius_px", &Filter::radius_px, "Neighbors lie within this distance.")
       .add("weight", &Filter::weight, "c1 of the weight c1 exp(-c2 r).")
@@ -65,7 +67,7 @@ void bind_paper_stages(py::module_& m) {
 
 void bind_motion(py::module_& m) {
   using Movers = MoverDetectorSettings;
-  SettingsClass<Movers>(m, movers, "MoverDetectorSettings",
+  SettingsClass<Movers>(m, tables.movers, "MoverDetectorSettings",
                         "How moved cells become movers without a class.")
       .add("min_moved_cells", &Movers::min_moved_cells, "Least number of moved cells.")
       .add("min_moved_area_m2", &Movers::min_moved_area_m2, "Least area that moved, m2.")
@@ -73,12 +75,13 @@ void bind_motion(py::module_& m) {
       .add("growth_m", &Movers::growth_m, "How far a region grows over connected depth, metres.")
       .add("max_open_share", &Movers::max_open_share,
            "Greatest share of a mover's border that goes on into what is not part of it.");
-  SettingsClass<MotionCheckSettings>(m, motion, "MotionCheckSettings",
+  SettingsClass<MotionCheckSettings>(m, tables.motion, "MotionCheckSettings",
                                      "Settings of the motion check: movers that nobody named.")
       .add("block_px", &MotionCheckSettings::block_px, "Side of a cell; 0: 1/80 of the width.")
-      .add_nested("movers", &MotionCheckSettings::movers, movers, "How cells become movers.");
+      .add_nested("movers", &MotionCheckSettings::movers, tables.movers,
+                  "How cells become movers.");
   using Ego = EgoMotionSettings;
-  SettingsClass<Ego>(m, ego, "EgoMotionSettings", "Settings of the camera's motion.")
+  SettingsClass<Ego>(m, tables.ego, "EgoMotionSettings", "Settings of the camera's motion.")
       .add("measure", &Ego::measure, "Measure it from the images; False: only what the host tells.")
       .add("max_step_m", &Ego::max_step_m, "A longer step between two frames is a cut, metres.")
       .add("max_rotation_deg", &Ego::max_rotation_deg, "A larger rotation is a cut, degrees.")
@@ -86,16 +89,19 @@ void bind_motion(py::module_& m) {
       .add("jump_m", &Ego::jump_m, "A host off by more has jumped, metres.")
       .add("jump_rad", &Ego::jump_rad, "A host off by more has jumped, rad.");
   using Late = LateSegmentationSettings;
-  SettingsClass<Late>(m, late, "LateSegmentationSettings", "What becomes of late segmentations.")
+  SettingsClass<Late>(m, tables.late, "LateSegmentationSettings",
+                      "What becomes of late segmentations.")
       .add("predict", &Late::predict, "Predict late masks forward.")
       .add("max_age_s", &Late::max_age_s, "An older segmentation is dropped, seconds.")
       .add("widen_after_s", &Late::widen_after_s, "Masks older than this are widened, seconds.")
       .add("widen_px_per_s", &Late::widen_px_per_s, "By so many pixels per second, at most 20.");
-  SettingsClass<BlurMeterSettings>(m, blur, "BlurMeterSettings", "Settings of the blur meter.")
+  SettingsClass<BlurMeterSettings>(m, tables.blur, "BlurMeterSettings",
+                                   "Settings of the blur meter.")
       .add("exposure_s", &BlurMeterSettings::exposure_s,
            "Exposure time, seconds; 0: the camera's.");
   using Objects = ObjectTrackerSettings;
-  SettingsClass<Objects>(m, objects, "ObjectTrackerSettings", "Settings of FrontEnd.objects.")
+  SettingsClass<Objects>(m, tables.objects, "ObjectTrackerSettings",
+                         "Settings of FrontEnd.objects.")
       .add("max_lost_s", &Objects::max_lost_s, "How long an object out of view keeps its id.")
       .add("velocity_m_s", &Objects::velocity_m_s, "Deviation of a new object's velocity, m/s.")
       .add("acceleration_m_s2", &Objects::acceleration_m_s2, "How much it changes in a second.")
@@ -104,7 +110,7 @@ void bind_motion(py::module_& m) {
 
 void bind_sensor(py::module_& m) {
   using Sensor = SensorModel;
-  SettingsClass<Sensor>(m, sensor, "SensorModel",
+  SettingsClass<Sensor>(m, tables.sensor, "SensorModel",
                         "How far a depth camera's measurements can be wrong.\n\nThe standard "
                         "deviation of a depth z is sqrt(floor^2 + (slope z)^2 + (square z^2)^2).")
       .add("depth_floor_m", &Sensor::depth_floor_m, "Fixed part, metres.")
@@ -129,9 +135,9 @@ SettingsTable& front_end_table() {
   static SettingsTable table;
   return table;
 }
-SettingsTable& compensation_table() { return compensation; }
-SettingsTable& depth_table() { return depth; }
-SettingsTable& probability_table() { return probability; }
+SettingsTable& compensation_table() { return tables.compensation; }
+SettingsTable& depth_table() { return tables.depth; }
+SettingsTable& probability_table() { return tables.probability; }
 
 void bind_settings(py::module_& m) {
   bind_paper_stages(m);
@@ -143,15 +149,17 @@ void bind_settings(py::module_& m) {
       "Settings of FrontEnd: those of its stages, and which of them run.\n\nKeyword "
       "arguments set members, also those of stages by their own name:\n\n    "
       "FrontEndSettings(use_motion=False, dilation_px=5, depth={\"growth_m\": 0.2})\n");
-  settings.add_nested("compensation", &S::compensation, compensation, "Missed detections (3.1).")
-      .add_nested("depth", &S::depth, depth, "Masks and depth (3.2).")
-      .add_nested("probability", &S::probability, probability, "Keypoints (3.3).")
-      .add_nested("motion", &S::motion, motion, "Movers without a name.")
-      .add_nested("ego", &S::ego, ego, "The camera's motion.")
-      .add_nested("late", &S::late, late, "Late segmentations.")
-      .add_nested("blur", &S::blur, blur, "Motion blur.")
-      .add_nested("objects", &S::objects, objects, "Ids, places and velocities.")
-      .add_nested("sensor", &S::sensor, sensor, "What the depth camera's measurements are worth.")
+  settings
+      .add_nested("compensation", &S::compensation, tables.compensation, "Missed detections (3.1).")
+      .add_nested("depth", &S::depth, tables.depth, "Masks and depth (3.2).")
+      .add_nested("probability", &S::probability, tables.probability, "Keypoints (3.3).")
+      .add_nested("motion", &S::motion, tables.motion, "Movers without a name.")
+      .add_nested("ego", &S::ego, tables.ego, "The camera's motion.")
+      .add_nested("late", &S::late, tables.late, "Late segmentations.")
+      .add_nested("blur", &S::blur, tables.blur, "Motion blur.")
+      .add_nested("objects", &S::objects, tables.objects, "Ids, places and velocities.")
+      .add_nested("sensor", &S::sensor, tables.sensor,
+                  "What the depth camera's measurements are worth.")
       .add("use_compensation", &S::use_compensation, "Mend missed detections (3.1).")
       .add("use_depth", &S::use_depth, "Fuse masks with depth (3.2).")
       .add("use_probability", &S::use_probability, "Judge keypoints by their neighbors (3.3).")

@@ -47,7 +47,7 @@ Instance make_instance(const py::object& box, const py::object& mask, const py::
   return instance;
 }
 
-std::string repr_of(const Instance& s) {
+std::string instance_repr(const Instance& s) {
   const auto text = [](int n) { return std::to_string(n); };
   return "<Instance '" + s.class_name + "' score " + std::to_string(s.score) + ", box (" +
          text(s.box.x) + ", " + text(s.box.y) + ", " + text(s.box.width) + ", " +
@@ -105,7 +105,7 @@ void bind_instance_class(py::module_& m) {
       .def_property_readonly(
           "sharpness", [](const Instance& s) { return s.blur.sharpness; },
           "How sharp the edges are, 0 to 1; NaN: not known.")
-      .def("__repr__", &repr_of);
+      .def("__repr__", &instance_repr);
 }
 
 void bind_functions(py::module_& m) {

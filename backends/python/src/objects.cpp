@@ -20,7 +20,7 @@ py::object state_of(const std::optional<ObjectState>& state) {
   return state ? py::cast(*state) : py::none();
 }
 
-std::string repr_of(const DynamicObject& o) {
+std::string object_repr(const DynamicObject& o) {
   std::string text = "<DynamicObject " + std::to_string(o.id) + " '" + o.class_name + "'";
   if (o.depth_m > 0) text += ", at " + std::to_string(o.depth_m).substr(0, 4) + " m";
   if (o.in_camera)
@@ -86,7 +86,7 @@ void bind_object(py::module_& m) {
       .def_property_readonly(
           "in_world", [](const DynamicObject& o) { return state_of(o.in_world); },
           "ObjectState in the world of the poses of correct_pose(); None without any.")
-      .def("__repr__", &repr_of);
+      .def("__repr__", &object_repr);
 }
 
 void bind_mask_functions(py::module_& m) {

@@ -29,9 +29,8 @@ SyntheticFrame frame_at(const SyntheticSequence& sequence, py::ssize_t i) {
 py::array failing_labels(const SyntheticSequence& sequence, py::ssize_t i) {
   const SyntheticFrame frame = frame_at(sequence, i);
   const auto n = static_cast<py::ssize_t>(sequence.frame_count());
-  const cv::Mat labels = without_gil([&] {
-    return degraded_masks(sequence, frame, static_cast<int>(i < 0 ? i + n : i));
-  });
+  const cv::Mat labels = without_gil(
+      [&] { return degraded_masks(sequence, frame, static_cast<int>(i < 0 ? i + n : i)); });
   return array_of(labels);
 }
 
