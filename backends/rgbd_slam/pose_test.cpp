@@ -1,11 +1,15 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <map>
 #include <opencv2/imgproc.hpp>
+#include <vector>
 
 #include "stillpoint/backends/rgbd_slam/patch.hpp"
 #include "stillpoint/backends/rgbd_slam/pnp.hpp"
+#include "stillpoint/backends/rgbd_slam/pose_graph.hpp"
 #include "test_scene.hpp"
 
 namespace {
@@ -33,9 +37,8 @@ std::vector<PoseObservation> observations_of(const Camera& camera, const Eigen::
 }
 
 Eigen::Isometry3d some_pose() {
-  Eigen::Matrix<double, 6, 1> x;
-  x << 0.3, -0.2, 0.5, 0.2, -0.3, 0.1;
-  return se3_exp(x);
+  return Eigen::Translation3d(0.3, -0.2, 0.5) *
+         Eigen::AngleAxisd(0.37, Eigen::Vector3d(0.2, -0.3, 0.1).normalized());
 }
 
 TEST(PoseOptimizer, FindsThePoseAndTheOutliers) {
@@ -43,9 +46,8 @@ TEST(PoseOptimizer, FindsThePoseAndTheOutliers) {
   const Eigen::Isometry3d truth = some_pose();
   auto observations = observations_of(camera, truth, 120);
   for (std::size_t i = 0; i < 24; ++i) observations[i].pixel.x() += 30 + static_cast<double>(i);
-  Eigen::Matrix<double, 6, 1> off;
-  off << 0.03, -0.02, 0.02, 0.02, 0.03, -0.02;
-  Eigen::Isometry3d T = se3_exp(off) * truth;
+  Eigen::Isometry3d T = Eigen::Translation3d(0.03, -0.02, 0.02) *
+                        Eigen::AngleAxisd(0.04, Eigen::Vector3d(2, 3, -2).normalized()) * truth;
   EXPECT_EQ(optimize_pose(camera, NoiseModel(), observations, T), 96);
   EXPECT_TRUE(T.isApprox(truth, 1e-6));
   for (std::size_t i = 0; i < 24; ++i) EXPECT_FALSE(observations[i].inlier);
@@ -75,16 +77,51 @@ TEST(PnpRansac, FindsThePoseWithoutAGuess) {
   EXPECT_FALSE(solve_pnp_ransac(camera, NoiseModel(), observations, 20).has_value());
 }
 
+TEST(PoseGraph, SpreadsTheDriftOverTheLoop) {
+  // A circle whose odometry turns a little too far; one edge says where the end really is.
+  constexpr std::size_t kCount = 20;
+  const auto truth = [](std::size_t i) {
+    const double angle = 2 * std::acos(-1.0) * static_cast<double>(i) / kCount;
+    Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+    T.linear() = Eigen::AngleAxisd(angle, Eigen::Vector3d::UnitY()).toRotationMatrix();
+    T.translation() = T.linear() * Eigen::Vector3d(0, 0, -3);
+    return Eigen::Isometry3d(T.inverse());
+  };
+  std::map<KeyframeId, Eigen::Isometry3d> poses{{KeyframeId(0), truth(0)}};
+  std::vector<PoseGraphEdge> edges;
+  Eigen::Isometry3d drift = Eigen::Isometry3d::Identity();
+  drift.linear() = Eigen::AngleAxisd(0.01, Eigen::Vector3d::UnitY()).toRotationMatrix();
+  drift.translation() << 0.01, 0, 0;
+  for (std::size_t i = 1; i < kCount; ++i) {
+    const Eigen::Isometry3d step = drift * truth(i) * truth(i - 1).inverse();
+    const KeyframeId id(i), last(i - 1);
+    poses[id] = step * poses[last];
+    edges.push_back({id, last, step});
+  }
+  edges.push_back({KeyframeId(kCount - 1), KeyframeId(0), truth(kCount - 1) * truth(0).inverse()});
+  const auto error = [&] {
+    double worst = 0;
+    for (const auto& [id, T] : poses)
+      worst = std::max(
+          worst, (T.inverse().translation() - truth(id.index()).inverse().translation()).norm());
+    return worst;
+  };
+  const double before = error();
+  ASSERT_TRUE(optimize_pose_graph(poses, edges, KeyframeId(0)));
+  EXPECT_LT(error(), before / 3);
+  EXPECT_TRUE(poses[KeyframeId(0)].isApprox(truth(0), 1e-12));
+}
+
 // A smooth pattern on a plane at 2 m before the first camera, as a camera at `T_world_camera` sees
 // it.
 cv::Mat smooth_plane(const Camera& camera, const Eigen::Isometry3d& T_world_camera) {
-  cv::Mat gray(camera.height, camera.width, CV_8UC1);
+  cv::Mat gray(camera.height, camera.width, CV_32FC1);
   for (int y = 0; y < gray.rows; ++y)
     for (int x = 0; x < gray.cols; ++x) {
       const Eigen::Vector3d d = T_world_camera.linear() * camera.unproject(x, y, 1);
       const Eigen::Vector3d o = T_world_camera.translation();
       const Eigen::Vector3d p = o + d * ((2 - o.z()) / d.z());
-      gray.at<uchar>(y, x) = static_cast<uchar>(128 + 40 * std::sin(90 * p.x() + 7 * p.y()) +
+      gray.at<float>(y, x) = static_cast<float>(128 + 40 * std::sin(90 * p.x() + 7 * p.y()) +
                                                 40 * std::sin(80 * p.y() - 20 * p.x()));
     }
   return gray;
@@ -115,10 +152,9 @@ TEST(Patch, FindsItsPlaceToATenthOfAPixelWhateverTheTurnAndTheLight) {
 
 TEST(Patch, RefusesOtherSurfacesAndRims) {
   const Camera camera = test_scene::camera();
-  const RgbdFrame frame = render(path(0), 0);
   ImagePyramid pyramid, blank;
-  pyramid.build(frame.color, 3, 1.2);
-  blank.build(cv::Mat(240, 320, CV_8UC1, cv::Scalar(90)), 3, 1.2);
+  pyramid.build(smooth_plane(camera, Eigen::Isometry3d::Identity()), 3, 1.2);
+  blank.build(cv::Mat(240, 320, CV_32FC1, cv::Scalar(90)), 3, 1.2);
   const Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
   const Eigen::Vector2d pixel(160, 120);
   const Patch patch = cut_patch(pyramid, camera, pixel, 0, T.linear(), 2);

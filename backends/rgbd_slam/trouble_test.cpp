@@ -93,6 +93,31 @@ TEST_F(Trouble, AKidnappedCameraIsLostUntilItSeesWhatItKnows) {
   expect_lost_and_found_again();
 }
 
+// No mask covers the mover yet.
+TEST(SlamSystem, IsNotTakenAlongByWhatMovesBeforeTheFirstMask) {
+  SlamSystem slam(camera(), small_settings());
+  Trajectory tracked;
+  for (int step = 0; step < 5; ++step) {
+    const RgbdFrame frame = render_with_mover(step);
+    const auto pose = feed(slam, frame);
+    ASSERT_TRUE(pose) << step;
+    tracked.push_back({frame.timestamp, *pose});
+  }
+  EXPECT_LT(worst_error(tracked), 0.02);  // 0.055 if the pose is a compromise with it
+}
+
+TEST(SlamSystem, StartsAnewWhenAYoungMapIsLost) {
+  SlamSystem::Settings settings = small_settings();
+  settings.tracking.restart_after_s = 0.1;
+  SlamSystem slam(camera(), settings);
+  ASSERT_TRUE(feed(slam, render(path(0), 0)));
+  RgbdFrame black = render(path(0), 0.1);
+  black.color.setTo(0);
+  for (int i = 0; i < 4; ++i) EXPECT_FALSE(feed(slam, black));
+  EXPECT_TRUE(feed(slam, render(path(30), 1)));
+  EXPECT_EQ(slam.trajectory().size(), 1u);
+}
+
 TEST(SlamSystem, StartsWithTheFirstFrameThatHasDepth) {
   SlamSystem slam(camera(), small_settings());
   RgbdFrame blind = render(path(0), 0);

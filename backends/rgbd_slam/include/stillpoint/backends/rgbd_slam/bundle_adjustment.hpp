@@ -6,7 +6,6 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
-#include <array>
 #include <atomic>
 #include <cmath>
 #include <cstddef>
@@ -21,36 +20,27 @@ namespace stillpoint::rgbd_slam {
 
 /// A pose as Ceres sees it.
 struct PoseBlock {
-  KeyframeId id = kNone;
-  bool fixed = false;
-  std::array<double, 4> q{0, 0, 0, 1};
-  std::array<double, 3> t{0, 0, 0};
+  KeyframeId id;
+  bool fixed;
+  Eigen::Quaterniond q;
+  Eigen::Vector3d t;
 
-  PoseBlock() = default;
   PoseBlock(KeyframeId keyframe, const Eigen::Isometry3d& T, bool is_fixed)
-      : id(keyframe), fixed(is_fixed) {
-    Eigen::Map<Eigen::Quaterniond>(q.data()) = Eigen::Quaterniond(T.linear()).normalized();
-    Eigen::Map<Eigen::Vector3d>(t.data()) = T.translation();
-  }
-  Eigen::Isometry3d pose() const {
-    Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
-    T.linear() = Eigen::Map<const Eigen::Quaterniond>(q.data()).normalized().toRotationMatrix();
-    T.translation() = Eigen::Map<const Eigen::Vector3d>(t.data());
-    return T;
-  }
+      : id(keyframe), fixed(is_fixed), q(T.linear()), t(T.translation()) {}
+  Eigen::Isometry3d pose() const { return Eigen::Translation3d(t) * q.normalized(); }
 };
 
 /// Makes a pose known to a problem: its four numbers (x, y, z, w) are a unit quaternion.
 inline void add_pose(ceres::Problem& problem, PoseBlock& pose) {
-  problem.AddParameterBlock(pose.q.data(), 4);
+  problem.AddParameterBlock(pose.q.coeffs().data(), 4);
   problem.AddParameterBlock(pose.t.data(), 3);
 #if CERES_VERSION_MAJOR > 2 || (CERES_VERSION_MAJOR == 2 && CERES_VERSION_MINOR >= 1)
-  problem.SetManifold(pose.q.data(), new ceres::EigenQuaternionManifold);
+  problem.SetManifold(pose.q.coeffs().data(), new ceres::EigenQuaternionManifold);
 #else
-  problem.SetParameterization(pose.q.data(), new ceres::EigenQuaternionParameterization);
+  problem.SetParameterization(pose.q.coeffs().data(), new ceres::EigenQuaternionParameterization);
 #endif
   if (!pose.fixed) return;
-  problem.SetParameterBlockConstant(pose.q.data());
+  problem.SetParameterBlockConstant(pose.q.coeffs().data());
   problem.SetParameterBlockConstant(pose.t.data());
 }
 
@@ -71,7 +61,7 @@ inline ceres::Solver::Options deterministic_options(ceres::LinearSolverType solv
 struct BundleProblem {
   struct Point {
     PointId id;
-    std::array<double, 3> p;
+    Eigen::Vector3d position;
   };
   struct Residual {
     std::size_t pose, point;
@@ -82,61 +72,30 @@ struct BundleProblem {
   std::vector<PoseBlock> poses;
   std::vector<Point> points;
   std::vector<Residual> residuals;
+
+  Eigen::Vector3d in_camera(const Residual& r) const {
+    return poses[r.pose].pose() * points[r.point].position;
+  }
 };
 
-/// Reprojection (two rows, in sigmas) and inverse depth (one row; zero without depth), with exact
-/// derivatives by quaternion (x, y, z, w), translation and point.
-class ReprojectionCost final : public ceres::SizedCostFunction<3, 4, 3, 3> {
- public:
-  ReprojectionCost(const Camera& camera, const BundleProblem::Residual& residual, bool use_depth)
-      : fx_(camera.fx),
-        fy_(camera.fy),
-        cx_(camera.cx),
-        cy_(camera.cy),
-        pixel_(residual.pixel),
-        inverse_depth_(residual.inverse_depth),
-        pixel_weight_(1 / residual.sigma_px),
-        depth_weight_(use_depth ? 1 / residual.sigma_inverse_depth : 0) {}
+/// Reprojection (two rows, in sigmas) and inverse depth (one row; zero without depth).
+struct ReprojectionCost {
+  const Camera& camera;
+  const BundleProblem::Residual& seen;
+  bool use_depth;
 
-  bool Evaluate(double const* const* parameters, double* residuals,
-                double** jacobians) const override {
-    const Eigen::Map<const Eigen::Quaterniond> q(parameters[0]);
-    const Eigen::Map<const Eigen::Vector3d> t(parameters[1]), X(parameters[2]);
-    const Eigen::Matrix3d R = q.toRotationMatrix();
-    const Eigen::Vector3d p = R * X + t;
-    // A point that a step took behind the camera counts as a far miss, without a pull.
-    const bool front = p.z() > 0.02;
-    const double z = front ? p.z() : 0.02, iz = 1 / z;
-    Eigen::Map<Eigen::Vector3d> r(residuals);
-    r << (fx_ * p.x() * iz + cx_ - pixel_.x()) * pixel_weight_,
-        (fy_ * p.y() * iz + cy_ - pixel_.y()) * pixel_weight_,
-        (iz - inverse_depth_) * depth_weight_;
-    if (!jacobians) return true;
-    Eigen::Matrix3d by_p;
-    by_p << fx_ * iz * pixel_weight_, 0, -fx_ * p.x() * iz * iz * pixel_weight_, 0,
-        fy_ * iz * pixel_weight_, -fy_ * p.y() * iz * iz * pixel_weight_, 0, 0,
-        -iz * iz * depth_weight_;
-    if (!front) by_p.setZero();
-    if (jacobians[0]) {
-      // d(q X q*) over (x, y, z, w).
-      const Eigen::Vector3d v = q.vec();
-      Eigen::Matrix<double, 3, 4> by_q;
-      by_q.leftCols<3>() = 2 * (v.dot(X) * Eigen::Matrix3d::Identity() + v * X.transpose() -
-                                X * v.transpose() - q.w() * cross_matrix(X));
-      by_q.col(3) = 2 * (q.w() * X + v.cross(X));
-      Eigen::Map<Eigen::Matrix<double, 3, 4, Eigen::RowMajor>>(jacobians[0]).noalias() =
-          by_p * by_q;
-    }
-    using Block = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
-    if (jacobians[1]) Eigen::Map<Block>(jacobians[1], 3, 3) = by_p;
-    if (jacobians[2]) Eigen::Map<Block>(jacobians[2], 3, 3).noalias() = by_p * R;
+  template <class T>
+  bool operator()(const T* q, const T* t, const T* point, T* residuals) const {
+    using Vector = Eigen::Matrix<T, 3, 1>;
+    const Vector p = Eigen::Map<const Eigen::Quaternion<T>>(q) * Eigen::Map<const Vector>(point) +
+                     Eigen::Map<const Vector>(t);
+    // A point that a step took behind the camera counts as a far miss.
+    const T inverse_z = 1.0 / (p.z() > 0.02 ? p.z() : T(0.02));
+    residuals[0] = (camera.fx * p.x() * inverse_z + camera.cx - seen.pixel.x()) / seen.sigma_px;
+    residuals[1] = (camera.fy * p.y() * inverse_z + camera.cy - seen.pixel.y()) / seen.sigma_px;
+    residuals[2] = use_depth ? (inverse_z - seen.inverse_depth) / seen.sigma_inverse_depth : T(0);
     return true;
   }
-
- private:
-  double fx_, fy_, cx_, cy_;
-  Eigen::Vector2d pixel_;
-  double inverse_depth_, pixel_weight_, depth_weight_;
 };
 
 /// Copies the given keyframes, the points that they see, and, fixed, every other keyframe that sees
@@ -144,30 +103,25 @@ class ReprojectionCost final : public ceres::SizedCostFunction<3, 4, 3, 3> {
 inline BundleProblem collect_bundle(const Map& map, const CameraModel& model,
                                     const std::vector<KeyframeId>& free_keyframes) {
   BundleProblem b;
-  std::vector<int> pose_of(static_cast<std::size_t>(map.keyframe_end()), -1);
-  std::vector<char> listed(static_cast<std::size_t>(map.point_end()), 0);
+  std::map<KeyframeId, std::size_t> index_of;
   const auto add_pose = [&](KeyframeId id, bool fixed) {
-    pose_of[static_cast<std::size_t>(id)] = static_cast<int>(b.poses.size());
+    if (!index_of.emplace(id, b.poses.size()).second) return;
     b.poses.emplace_back(id, map.keyframe(id)->T_camera_world, fixed);
   };
-  for (const KeyframeId id : free_keyframes) add_pose(id, map.keyframe(id)->parent == kNone);
-  for (const KeyframeId id : free_keyframes)
-    for (const PointId point_id : map.keyframe(id)->points) {
-      const MapPoint* p = map.point(point_id);
-      if (!p || listed[static_cast<std::size_t>(point_id)]) continue;
-      listed[static_cast<std::size_t>(point_id)] = 1;
-      b.points.push_back({point_id, {p->position.x(), p->position.y(), p->position.z()}});
-      const double repeated = model.noise.sensor.repeated(p->observations.size());
-      for (const Observation& o : p->observations) {
-        if (pose_of[static_cast<std::size_t>(o.keyframe)] < 0) add_pose(o.keyframe, true);
-        const FrameKeypoint& k = map.keypoint(o);
-        const double inverse_depth = k.depth_m > 0 ? 1.0 / k.depth_m : 0;
-        b.residuals.push_back(
-            {static_cast<std::size_t>(pose_of[static_cast<std::size_t>(o.keyframe)]),
-             b.points.size() - 1, k.pixel(), inverse_depth,
-             repeated * model.noise.sigma_inverse_depth(inverse_depth), model.sigma_px(k)});
-      }
+  for (const KeyframeId id : free_keyframes) add_pose(id, !map.keyframe(id)->parent);
+  for (const PointId point_id : map.points_of(free_keyframes)) {
+    const MapPoint& p = *map.point(point_id);
+    const double repeated = model.noise.sensor.repeated(p.observations.size());
+    for (const Observation& o : p.observations) {
+      add_pose(o.keyframe, true);
+      const FrameKeypoint& k = map.keypoint(o);
+      const double inverse_depth = k.depth_m > 0 ? 1.0 / k.depth_m : 0;
+      b.residuals.push_back({index_of.at(o.keyframe), b.points.size(), k.pixel(), inverse_depth,
+                             repeated * model.noise.sigma_inverse_depth(inverse_depth),
+                             model.sigma_px(k)});
     }
+    b.points.push_back({point_id, p.position});
+  }
   return b;
 }
 
@@ -188,11 +142,8 @@ inline bool solve_bundle(BundleProblem& b, const CameraModel& model, int max_ite
       std::any_of(b.poses.begin(), b.poses.end(), [](const PoseBlock& p) { return !p.fixed; });
   if (!any_free || b.residuals.size() < 10) return false;
   constexpr double kChi2 = 7.815;
-  const auto in_camera = [&](const BundleProblem::Residual& r) -> Eigen::Vector3d {
-    return b.poses[r.pose].pose() * Eigen::Map<const Eigen::Vector3d>(b.points[r.point].p.data());
-  };
   const auto depth_fits = [&](const BundleProblem::Residual& r) {
-    const double z = r.inverse_depth > 0 ? in_camera(r).z() : 0;
+    const double z = r.inverse_depth > 0 ? b.in_camera(r).z() : 0;
     return z > 0.02 &&
            std::abs(1 / z - r.inverse_depth) < 3 * model.noise.sigma_inverse_depth(r.inverse_depth);
   };
@@ -201,19 +152,20 @@ inline bool solve_bundle(BundleProblem& b, const CameraModel& model, int max_ite
   ceres::Problem problem(problem_options);
   ceres::HuberLoss huber(std::sqrt(kChi2));
   auto* ordering = new ceres::ParameterBlockOrdering;
-  for (auto& point : b.points) {
-    problem.AddParameterBlock(point.p.data(), 3);
-    ordering->AddElementToGroup(point.p.data(), 0);
+  for (BundleProblem::Point& point : b.points) {
+    problem.AddParameterBlock(point.position.data(), 3);
+    ordering->AddElementToGroup(point.position.data(), 0);
   }
   for (PoseBlock& pose : b.poses) {
     add_pose(problem, pose);
-    ordering->AddElementToGroup(pose.q.data(), 1);
+    ordering->AddElementToGroup(pose.q.coeffs().data(), 1);
     ordering->AddElementToGroup(pose.t.data(), 1);
   }
   for (const BundleProblem::Residual& r : b.residuals)
-    problem.AddResidualBlock(new ReprojectionCost(model.camera, r, depth_fits(r)), &huber,
-                             b.poses[r.pose].q.data(), b.poses[r.pose].t.data(),
-                             b.points[r.point].p.data());
+    problem.AddResidualBlock(new ceres::AutoDiffCostFunction<ReprojectionCost, 3, 4, 3, 3>(
+                                 new ReprojectionCost{model.camera, r, depth_fits(r)}),
+                             &huber, b.poses[r.pose].q.coeffs().data(), b.poses[r.pose].t.data(),
+                             b.points[r.point].position.data());
   ceres::Solver::Options options =
       deterministic_options(global ? ceres::SPARSE_SCHUR : ceres::DENSE_SCHUR, max_iterations);
   options.linear_solver_ordering.reset(ordering);
@@ -224,7 +176,7 @@ inline bool solve_bundle(BundleProblem& b, const CameraModel& model, int max_ite
   ceres::Solve(options, &problem, &summary);
   if (!summary.IsSolutionUsable()) return false;
   for (BundleProblem::Residual& r : b.residuals) {
-    const Eigen::Vector3d p = in_camera(r);
+    const Eigen::Vector3d p = b.in_camera(r);
     r.inlier = p.z() > 0.02 && (model.camera.project(p) - r.pixel).squaredNorm() <=
                                    kPixelChi2 * r.sigma_px * r.sigma_px;
   }
@@ -238,13 +190,11 @@ inline void apply_bundle(Map& map, const BundleProblem& b, bool global = false) 
   std::map<PointId, Eigen::Vector3d> points;
   for (const PoseBlock& pose : b.poses)
     if (global || !pose.fixed) poses[pose.id] = pose.pose();
-  for (const BundleProblem::Point& point : b.points)
-    points[point.id] = {point.p[0], point.p[1], point.p[2]};
+  for (const BundleProblem::Point& point : b.points) points[point.id] = point.position;
   if (global) {
     move_map(map, poses, points);
   } else {
-    for (const auto& [id, T] : poses)
-      if (Keyframe* k = map.keyframe(id)) k->T_camera_world = T;
+    for (const auto& [id, T] : poses) map.keyframe(id)->T_camera_world = T;
     for (const auto& [id, position] : points)
       if (MapPoint* p = map.point(id)) p->position = position;
   }

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #pragma once
 
-#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
 #include <opencv2/core.hpp>
+#include <opencv2/core/hal/hal.hpp>
 #include <string>
 #include <vector>
 
@@ -15,21 +15,17 @@
 namespace stillpoint::rgbd_slam {
 
 /// A 256-bit binary descriptor (ORB, BRIEF, BRISK cut to 32 bytes, ...).
-using Descriptor = std::array<std::uint64_t, 4>;
+using Descriptor = std::array<std::uint8_t, 32>;
 
-/// Number of differing bits, 0 to 256. Plain arithmetic: needs no processor flag.
+/// Number of differing bits, 0 to 256.
 inline int hamming_distance(const Descriptor& a, const Descriptor& b) {
-  // Bit counts of the four words are added in bytes (at most 32 each) before the one multiplication
-  // that sums them.
-  std::uint64_t sum = 0;
-  for (std::size_t i = 0; i < 4; ++i) {
-    std::uint64_t x = a[i] ^ b[i];
-    x = x - ((x >> 1) & 0x5555555555555555ull);
-    x = (x & 0x3333333333333333ull) + ((x >> 2) & 0x3333333333333333ull);
-    sum += (x + (x >> 4)) & 0x0f0f0f0f0f0f0f0full;
-  }
-  sum = (sum & 0x00ff00ff00ff00ffull) + ((sum >> 8) & 0x00ff00ff00ff00ffull);
-  return static_cast<int>((sum * 0x0001000100010001ull) >> 48);
+  return cv::hal::normHamming(a.data(), b.data(), static_cast<int>(a.size()));
+}
+
+/// The descriptors as rows of a matrix that shares their memory, for reading.
+inline cv::Mat descriptor_rows(const std::vector<Descriptor>& descriptors) {
+  return cv::Mat(static_cast<int>(descriptors.size()), 32, CV_8UC1,
+                 const_cast<std::uint8_t*>(descriptors.front().data()));
 }
 
 /// Reads one descriptor per row of an N x 32 CV_8UC1 matrix. Throws Error for another shape.
@@ -43,22 +39,6 @@ inline std::vector<Descriptor> descriptors_from_rows(const cv::Mat& rows) {
   for (int i = 0; i < rows.rows; ++i)
     std::memcpy(descriptors[static_cast<std::size_t>(i)].data(), rows.ptr(i), 32);
   return descriptors;
-}
-
-/// Index of the descriptor with the least median distance to the others: the most typical one.
-/// O(n^2); 0 for an empty list.
-inline std::size_t most_typical_descriptor(const std::vector<Descriptor>& descriptors) {
-  std::size_t best = 0;
-  int best_median = 257;
-  std::vector<int> distances(descriptors.size());
-  for (std::size_t i = 0; i < descriptors.size(); ++i) {
-    for (std::size_t k = 0; k < descriptors.size(); ++k)
-      distances[k] = hamming_distance(descriptors[i], descriptors[k]);
-    const auto middle = distances.begin() + static_cast<std::ptrdiff_t>(distances.size() / 2);
-    std::nth_element(distances.begin(), middle, distances.end());
-    if (*middle < best_median) best_median = *middle, best = i;
-  }
-  return best;
 }
 
 }  // namespace stillpoint::rgbd_slam

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstddef>
 #include <opencv2/core.hpp>
@@ -12,7 +11,6 @@
 #include <vector>
 
 #include "stillpoint/backends/rgbd_slam/descriptor.hpp"
-#include "stillpoint/backends/rgbd_slam/image_pyramid.hpp"
 #include "stillpoint/backends/rgbd_slam/spread.hpp"
 #include "stillpoint/core/error.hpp"
 #include "stillpoint/core/frame.hpp"
@@ -41,12 +39,10 @@ class FeatureExtractor {
 
 /// ORB keypoints spread evenly over image and pyramid.
 ///
-/// On each level of the pyramid FAST corners are found with a threshold that falls in the cells
-/// where nothing stands out. Those on or at the rim of the dynamic mask are dropped *before* the
-/// level's budget is spent, so that all of it goes to the static area, and the budget grows with
-/// what the mask hides; what a level can't spend goes on to the next. The best corners of even
-/// cells are kept (`spread`), rotated by their intensity centroid and described by cv::ORB.
-/// Deterministic. One object serves one thread.
+/// cv::ORB finds all corners outside the dynamic mask, also weak ones. On each level of the pyramid
+/// the best of even cells are kept (`spread`), as many as the level's share of the budget allows.
+/// So all of the budget goes to the static area; it grows with what the mask hides, and what a
+/// level can't spend goes on to the next. Deterministic. One object serves one thread.
 class OrbExtractor final : public FeatureExtractor {
  public:
   struct Settings {
@@ -58,13 +54,10 @@ class OrbExtractor final : public FeatureExtractor {
     double most_masked = 3;
     int levels = 8;
     double scale_factor = 1.2;
-    /// FAST threshold (grey values), and the one for cells without any corner.
-    int fast_threshold = 20;
-    int min_fast_threshold = 7;
-    /// Side of the cells of the adaptive threshold, in pixels of the level.
-    int cell_px = 32;
-    /// Distance of a corner from the dynamic mask, in pixels of the level: the FAST ring must not
-    /// touch what moves.
+    /// FAST threshold, grey values.
+    int fast_threshold = 7;
+    /// Distance of a corner from the dynamic mask, in pixels: the FAST ring must not touch what
+    /// moves.
     int mask_margin_px = 4;
   };
 
@@ -82,18 +75,13 @@ class OrbExtractor final : public FeatureExtractor {
     require(settings.most_masked >= 1, "most_masked >= 1", settings.most_masked);
     require(settings.levels > 0 && settings.levels <= 16, "1 to 16 levels", settings.levels);
     require(settings.scale_factor > 1, "scale_factor > 1", settings.scale_factor);
-    require(settings.min_fast_threshold > 0, "min_fast_threshold > 0", settings.min_fast_threshold);
-    require(settings.cell_px >= 8, "cell_px >= 8", settings.cell_px);
-    describer_ = cv::ORB::create(settings.features, 2.0f, 1, kBorder, 0, 2, cv::ORB::HARRIS_SCORE,
-                                 2 * kRadius + 1);
-    for (int v = 0; v <= kRadius; ++v)
-      half_width_[static_cast<std::size_t>(v)] =
-          static_cast<int>(std::lround(std::sqrt(static_cast<double>(kRadius * kRadius - v * v))));
+    require(settings.fast_threshold > 0, "fast_threshold > 0", settings.fast_threshold);
+    orb_ = cv::ORB::create(kAllCorners, static_cast<float>(settings.scale_factor), settings.levels,
+                           kBorder, 0, 2, cv::ORB::FAST_SCORE, 31, settings.fast_threshold);
   }
 
   int levels() const override { return settings_.levels; }
   double scale_factor() const override { return settings_.scale_factor; }
-  const Settings& settings() const { return settings_; }
 
   void extract(const cv::Mat& gray, const cv::Mat& mask, Features& features) override {
     detail::check(gray.type() == CV_8UC1 && !gray.empty(), [&] {
@@ -107,28 +95,30 @@ class OrbExtractor final : public FeatureExtractor {
     });
     features.keypoints.clear();
     features.descriptors.clear();
+    if (std::min(gray.cols, gray.rows) <= 2 * kBorder) return;
+    orb_->detect(gray, corners_, static_part(mask));
     const double ratio = 1 / settings_.scale_factor;
     // Share of level 0 such that the geometric row over all levels sums to the whole budget.
     const double share = (1 - ratio) / (1 - std::pow(ratio, settings_.levels));
     const double wanted = wanted_under(mask);
     double budget = 0;
-    pyramid_.build(gray, settings_.levels, settings_.scale_factor, 2 * kBorder + 1);
-    for (int level = 0; level < pyramid_.levels(); ++level) {
-      const cv::Mat& image = pyramid_.image(level);
-      if (std::min(image.cols, image.rows) <= 2 * kBorder) break;
+    for (int level = 0; level < settings_.levels; ++level) {
       budget += wanted * share * std::pow(ratio, level);
-      shrink_mask(mask, image.size());
-      detect(image);
-      spread(corners_, static_cast<int>(budget + 0.5), image.size());
-      budget -= static_cast<double>(corners_.size());
-      for (cv::KeyPoint& k : corners_) k.angle = orientation(image, k.pt);
-      append(level, features);
+      level_.clear();
+      for (const cv::KeyPoint& k : corners_)
+        if (k.octave == level) level_.push_back(k);
+      spread(level_, static_cast<int>(budget + 0.5), gray.size());
+      budget -= static_cast<double>(level_.size());
+      features.keypoints.insert(features.keypoints.end(), level_.begin(), level_.end());
     }
+    orb_->compute(gray, features.keypoints, rows_);
+    features.descriptors = descriptors_from_rows(rows_);
+    for (cv::KeyPoint& k : features.keypoints) k.pt = in_image(k, gray.size());
   }
 
  private:
-  // Radius of the described patch, and the border that keeps its rotated corners inside.
-  static constexpr int kRadius = 15;
+  static constexpr int kAllCorners = 1000000;
+  // Keeps the rotated corners of the described patch inside.
   static constexpr int kBorder = 19;
 
   // Keypoints to look for under this mask.
@@ -139,102 +129,29 @@ class OrbExtractor final : public FeatureExtractor {
     return settings_.features * (left * left * most > 1 ? 1 / (left * left) : most);
   }
 
-  void shrink_mask(const cv::Mat& mask, cv::Size size) {
-    level_mask_.release();
-    if (mask.empty()) return;
-    cv::resize(mask, level_mask_, size, 0, 0, cv::INTER_NEAREST);
-    if (settings_.mask_margin_px <= 0) return;
+  // 255 where to look; empty: everywhere.
+  cv::Mat static_part(const cv::Mat& mask) const {
+    if (mask.empty()) return cv::Mat();
     const int side = 2 * settings_.mask_margin_px + 1;
-    cv::dilate(level_mask_, level_mask_, cv::Mat::ones(side, side, CV_8UC1));
+    cv::Mat dilated;
+    cv::dilate(mask, dilated, cv::Mat::ones(side, side, CV_8UC1));
+    return dilated == 0;
   }
 
-  bool usable(cv::Point2f p, cv::Size size) const {
-    if (p.x < kBorder || p.y < kBorder || p.x >= static_cast<float>(size.width - kBorder) ||
-        p.y >= static_cast<float>(size.height - kBorder))
-      return false;
-    return level_mask_.empty() ||
-           level_mask_.at<uchar>(static_cast<int>(p.y), static_cast<int>(p.x)) == 0;
-  }
-
-  void detect(const cv::Mat& image) {
-    const int cell = settings_.cell_px;
-    const int columns = (image.cols + cell - 1) / cell, rows = (image.rows + cell - 1) / cell;
-    occupied_.assign(static_cast<std::size_t>(columns * rows), 0);
-    const auto cell_of = [&](cv::Point2f p) {
-      return static_cast<std::size_t>(static_cast<int>(p.y) / cell * columns +
-                                      static_cast<int>(p.x) / cell);
+  // cv::ORB multiplies a pixel of a level by its scale. But the level's size is rounded, and the
+  // centres of pixels are at whole numbers.
+  cv::Point2f in_image(const cv::KeyPoint& k, cv::Size size) const {
+    const double scale = std::pow(settings_.scale_factor, k.octave);
+    const auto place = [&](float p, int whole) {
+      return static_cast<float>((p / scale + 0.5) * whole / cvRound(whole / scale) - 0.5);
     };
-    corners_.clear();
-    cv::FAST(image, found_, settings_.fast_threshold, true);
-    for (const cv::KeyPoint& k : found_) {
-      if (!usable(k.pt, image.size())) continue;
-      corners_.push_back(k);
-      occupied_[cell_of(k.pt)] = 1;
-    }
-    if (settings_.min_fast_threshold >= settings_.fast_threshold) return;
-    const cv::Rect inner(kBorder, kBorder, image.cols - 2 * kBorder, image.rows - 2 * kBorder);
-    for (int r = 0; r < rows; ++r)
-      for (int c = 0; c < columns; ++c) {
-        if (occupied_[static_cast<std::size_t>(r * columns + c)]) continue;
-        cv::Rect area = cv::Rect(c * cell, r * cell, cell, cell) & inner;
-        if (area.empty()) continue;
-        if (!level_mask_.empty() && cv::countNonZero(level_mask_(area)) == area.area()) continue;
-        // FAST leaves a rim of three pixels, and one more decides about the strongest in place.
-        area = cv::Rect(area.x - 4, area.y - 4, area.width + 8, area.height + 8);
-        cv::FAST(image(area), found_, settings_.min_fast_threshold, true);
-        for (cv::KeyPoint k : found_) {
-          k.pt += cv::Point2f(static_cast<float>(area.x), static_cast<float>(area.y));
-          if (usable(k.pt, image.size()) &&
-              cell_of(k.pt) == static_cast<std::size_t>(r * columns + c))
-            corners_.push_back(k);
-        }
-      }
-  }
-
-  // Direction from the patch's middle to its intensity centroid, degrees.
-  float orientation(const cv::Mat& image, cv::Point2f p) const {
-    const int x = static_cast<int>(p.x + 0.5f), y = static_cast<int>(p.y + 0.5f);
-    int m01 = 0, m10 = 0;
-    const auto step = static_cast<std::ptrdiff_t>(image.step);
-    const uchar* middle = image.ptr<uchar>(y) + x;
-    for (int u = -kRadius; u <= kRadius; ++u) m10 += u * middle[u];
-    for (int v = 1; v <= kRadius; ++v) {
-      const uchar *above = middle - v * step, *below = middle + v * step;
-      int difference = 0;
-      const int width = half_width_[static_cast<std::size_t>(v)];
-      for (int u = -width; u <= width; ++u) {
-        difference += below[u] - above[u];
-        m10 += u * (below[u] + above[u]);
-      }
-      m01 += v * difference;
-    }
-    return cv::fastAtan2(static_cast<float>(m01), static_cast<float>(m10));
-  }
-
-  void append(int level, Features& features) {
-    if (corners_.empty()) return;
-    for (cv::KeyPoint& k : corners_) k.octave = 0;
-    describer_->compute(pyramid_.image(level), corners_, rows_);
-    const std::vector<Descriptor> described = descriptors_from_rows(rows_);
-    for (std::size_t i = 0; i < corners_.size(); ++i) {
-      cv::KeyPoint k = corners_[i];
-      const Eigen::Vector2d p = pyramid_.from_level({k.pt.x, k.pt.y}, level);
-      k.pt = cv::Point2f(static_cast<float>(p.x()), static_cast<float>(p.y()));
-      k.octave = level;
-      k.size = static_cast<float>((2 * kRadius + 1) * pyramid_.scale(level));
-      k.class_id = -1;
-      features.keypoints.push_back(k);
-      features.descriptors.push_back(described[i]);
-    }
+    return {place(k.pt.x, size.width), place(k.pt.y, size.height)};
   }
 
   Settings settings_;
-  cv::Ptr<cv::ORB> describer_;
-  std::array<int, kRadius + 1> half_width_{};
-  ImagePyramid pyramid_;
-  cv::Mat level_mask_, rows_;
-  std::vector<cv::KeyPoint> found_, corners_;
-  std::vector<char> occupied_;
+  cv::Ptr<cv::ORB> orb_;
+  cv::Mat rows_;
+  std::vector<cv::KeyPoint> corners_, level_;
 };
 
 }  // namespace stillpoint::rgbd_slam

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <opencv2/core.hpp>
@@ -23,18 +22,18 @@ inline void copy_gray(const RgbdFrame& frame, cv::Mat& gray) {
     frame.color.copyTo(gray);
 }
 
-/// A grey image and smaller ones of it. Pixel centres are at whole numbers on every level.
+/// An image and smaller ones of it. Pixel centres are at whole numbers on every level.
 class ImagePyramid {
  public:
-  /// Level 0 shares its data with `gray` (CV_8UC1). Levels under `min_side_px` are left out.
-  void build(const cv::Mat& gray, int levels, double scale_factor, int min_side_px = 1) {
-    images_.assign(1, gray);
+  /// Level 0 shares its data with `image`. Levels without a pixel are left out.
+  void build(const cv::Mat& image, int levels, double scale_factor) {
+    images_.assign(1, image);
     double scale = 1;
     for (int level = 1; level < levels; ++level) {
       scale *= scale_factor;
-      const cv::Size size(static_cast<int>(std::lround(gray.cols / scale)),
-                          static_cast<int>(std::lround(gray.rows / scale)));
-      if (std::min(size.width, size.height) < std::max(1, min_side_px)) break;
+      const cv::Size size(static_cast<int>(std::lround(image.cols / scale)),
+                          static_cast<int>(std::lround(image.rows / scale)));
+      if (size.empty()) break;
       cv::Mat smaller;
       cv::resize(images_.back(), smaller, size, 0, 0, cv::INTER_LINEAR);
       images_.push_back(smaller);
@@ -63,16 +62,5 @@ class ImagePyramid {
 
   std::vector<cv::Mat> images_;
 };
-
-/// Grey value between pixels; the caller keeps 0 <= x < width - 1, 0 <= y < height - 1.
-inline float gray_at(const cv::Mat& image, float x, float y) {
-  const int ix = static_cast<int>(x), iy = static_cast<int>(y);
-  const float a = x - static_cast<float>(ix), b = y - static_cast<float>(iy);
-  const uchar* above = image.ptr<uchar>(iy) + ix;
-  const uchar* below = image.ptr<uchar>(iy + 1) + ix;
-  const float top = above[0] + a * static_cast<float>(above[1] - above[0]);
-  const float bottom = below[0] + a * static_cast<float>(below[1] - below[0]);
-  return top + b * (bottom - top);
-}
 
 }  // namespace stillpoint::rgbd_slam

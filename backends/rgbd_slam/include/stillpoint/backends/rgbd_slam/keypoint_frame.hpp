@@ -19,8 +19,6 @@ struct FrameKeypoint {
   float x = 0, y = 0;
   /// Metres; 0 when there is no trustworthy measurement.
   float depth_m = 0;
-  /// Degrees.
-  float angle = 0;
   /// Pyramid level, and its scale (1 on level 0).
   int octave = 0;
   float scale = 1;
@@ -55,13 +53,17 @@ class KeypointFrame {
       const Eigen::Vector2d p = undistort_pixel(camera, {k.pt.x, k.pt.y});
       FrameKeypoint f;
       f.x = static_cast<float>(p.x()), f.y = static_cast<float>(p.y());
-      f.octave = k.octave, f.angle = k.angle;
+      f.octave = k.octave;
       f.scale = static_cast<float>(std::pow(scale_factor, k.octave));
       f.depth_m = trusted_depth(frame, k.pt, settings);
       keypoints.push_back(f);
       descriptors.push_back(features.descriptors[i]);
     }
-    build_grid();
+    columns_ = static_cast<int>(width_ / kCell) + 1, rows_ = static_cast<int>(height_ / kCell) + 1;
+    cells_.resize(static_cast<std::size_t>(columns_ * rows_));
+    for (std::size_t i = 0; i < keypoints.size(); ++i)
+      cells_[static_cast<std::size_t>(row(keypoints[i].y) * columns_ + column(keypoints[i].x))]
+          .push_back(i);
   }
 
   std::size_t size() const { return keypoints.size(); }
@@ -69,22 +71,18 @@ class KeypointFrame {
   /// Lists the keypoints within `radius` pixels (each axis) of (x, y) on the levels min_octave to
   /// max_octave, in ascending order of cells. The list is cleared first.
   void find(double x, double y, double radius, int min_octave, int max_octave,
-            std::vector<int>& found) const {
+            std::vector<std::size_t>& found) const {
     found.clear();
-    if (starts_.empty()) return;
-    const int c0 = column(x - radius), c1 = column(x + radius);
-    const int r0 = row(y - radius), r1 = row(y + radius);
-    for (int r = r0; r <= r1; ++r)
-      for (int c = c0; c <= c1; ++c) {
-        const auto cell = static_cast<std::size_t>(r * columns_ + c);
-        for (int i = starts_[cell]; i < starts_[cell + 1]; ++i) {
-          const int index = order_[static_cast<std::size_t>(i)];
-          const FrameKeypoint& k = keypoints[static_cast<std::size_t>(index)];
-          if (k.octave < min_octave || k.octave > max_octave) continue;
-          if (std::abs(k.x - x) > radius || std::abs(k.y - y) > radius) continue;
-          found.push_back(index);
+    if (cells_.empty()) return;
+    const int c1 = column(x + radius), r1 = row(y + radius);
+    for (int r = row(y - radius); r <= r1; ++r)
+      for (int c = column(x - radius); c <= c1; ++c)
+        for (const std::size_t i : cells_[static_cast<std::size_t>(r * columns_ + c)]) {
+          const FrameKeypoint& k = keypoints[i];
+          if (k.octave >= min_octave && k.octave <= max_octave && std::abs(k.x - x) <= radius &&
+              std::abs(k.y - y) <= radius)
+            found.push_back(i);
         }
-      }
   }
 
   /// True for a pixel inside the image.
@@ -122,23 +120,8 @@ class KeypointFrame {
     return std::clamp(static_cast<int>(std::floor(y / kCell)), 0, rows_ - 1);
   }
 
-  void build_grid() {
-    columns_ = static_cast<int>(width_ / kCell) + 1;
-    rows_ = static_cast<int>(height_ / kCell) + 1;
-    starts_.assign(static_cast<std::size_t>(columns_ * rows_) + 1, 0);
-    const auto cell_of = [&](const FrameKeypoint& k) {
-      return static_cast<std::size_t>(row(k.y) * columns_ + column(k.x));
-    };
-    for (const FrameKeypoint& k : keypoints) ++starts_[cell_of(k) + 1];
-    for (std::size_t i = 1; i < starts_.size(); ++i) starts_[i] += starts_[i - 1];
-    order_.resize(keypoints.size());
-    std::vector<int> next(starts_.begin(), starts_.end() - 1);
-    for (std::size_t i = 0; i < keypoints.size(); ++i)
-      order_[static_cast<std::size_t>(next[cell_of(keypoints[i])]++)] = static_cast<int>(i);
-  }
-
   int width_ = 0, height_ = 0, columns_ = 0, rows_ = 0;
-  std::vector<int> starts_, order_;
+  std::vector<std::vector<std::size_t>> cells_;  // the keypoints in each
 };
 
 }  // namespace stillpoint::rgbd_slam

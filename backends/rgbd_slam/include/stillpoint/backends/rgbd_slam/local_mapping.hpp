@@ -8,25 +8,25 @@
 #include <vector>
 
 #include "stillpoint/backends/rgbd_slam/bundle_adjustment.hpp"
+#include "stillpoint/backends/rgbd_slam/fair_mutex.hpp"
 #include "stillpoint/backends/rgbd_slam/map.hpp"
 #include "stillpoint/backends/rgbd_slam/map_changes.hpp"
 #include "stillpoint/backends/rgbd_slam/place_index.hpp"
-#include "stillpoint/backends/rgbd_slam/threads.hpp"
-#include "stillpoint/backends/rgbd_slam/triangulation.hpp"
 
 namespace stillpoint::rgbd_slam {
 
-/// Builds the map around each new keyframe: points from two views, culling of bad points, fusion of
-/// double ones, local bundle adjustment, culling of keyframes that add nothing.
+/// Builds the map around each new keyframe: culling of bad points, fusion of double ones, local
+/// bundle adjustment, culling of keyframes that add nothing.
 ///
 /// process() takes the map's lock in short pieces and solves without it, so that tracking goes on.
 class LocalMapping {
  public:
   struct Settings {
     /// Keyframes that are adjusted at once (0: none), and the iterations of it.
-    int bundle_keyframes = 12, bundle_iterations = 8;
-    /// Neighbors that new points are triangulated with, and fused with.
-    int triangulate_with = 6, fuse_with = 10;
+    std::size_t bundle_keyframes = 12;
+    int bundle_iterations = 8;
+    /// Neighbors that new points are fused with.
+    std::size_t fuse_with = 10;
     /// A young point must be found in this share of the frames that should see it.
     double min_found_ratio = 0.25;
     /// A keyframe goes when this share of its points is seen by three others as finely.
@@ -39,25 +39,16 @@ class LocalMapping {
   /// Works a keyframe in. With `stop` set by another thread the long parts are cut short.
   void process(Map& map, FairMutex& lock, PlaceIndex& index, KeyframeId id,
                const std::atomic<bool>& stop) {
-    std::vector<KeyframeId> neighbors;
     {
       const std::lock_guard<FairMutex> guard(lock);
       register_points(map, id);
       cull_young_points(map, id);
-      neighbors = map.neighbors(id, settings_.triangulate_with);
-    }
-    for (const KeyframeId n : neighbors) {
-      const std::lock_guard<FairMutex> guard(lock);
-      for (const PointId p : triangulate_between(model_, map, *map.keyframe(id), *map.keyframe(n)))
-        young_.push_back(p);
     }
     fuse(map, lock, id);
     if (!stop.load()) adjust(map, lock, id, stop);
     const std::lock_guard<FairMutex> guard(lock);
     if (!stop.load()) cull_keyframes(map, index, id);
   }
-
-  void reset() { young_.clear(); }
 
  private:
   void register_points(Map& map, KeyframeId id) {
@@ -77,7 +68,7 @@ class LocalMapping {
     for (const PointId id : young_) {
       const MapPoint* p = map.point(id);
       if (!p) continue;
-      const int age = now - p->first_keyframe;
+      const std::size_t age = now.index() - p->first_keyframe.index();
       if (p->found < settings_.min_found_ratio * p->visible ||
           (age >= 3 && p->observations.size() < 2 && p->found < 4)) {
         map.erase_point(id);
@@ -125,7 +116,7 @@ class LocalMapping {
     for (const KeyframeId id : map.neighbors(now)) {
       const Keyframe& k = *map.keyframe(id);
       // The newest ones are what tracking stands on; loops hang on the ones they were closed at.
-      if (k.parent == kNone || !k.loop_edges.empty() || id >= now - 1) continue;
+      if (!k.parent || !k.loop_edges.empty() || id.index() + 1 >= now.index()) continue;
       int total = 0, redundant = 0;
       for (std::size_t i = 0; i < k.points.size(); ++i) {
         const MapPoint* p = map.point(k.points[i]);

@@ -10,13 +10,12 @@
 #include <set>
 #include <vector>
 
-#include "stillpoint/backends/rgbd_slam/bundle_adjustment.hpp"
+#include "stillpoint/backends/rgbd_slam/fair_mutex.hpp"
 #include "stillpoint/backends/rgbd_slam/local_map.hpp"
 #include "stillpoint/backends/rgbd_slam/map_changes.hpp"
 #include "stillpoint/backends/rgbd_slam/place_index.hpp"
 #include "stillpoint/backends/rgbd_slam/pose_graph.hpp"
 #include "stillpoint/backends/rgbd_slam/relocalizer.hpp"
-#include "stillpoint/backends/rgbd_slam/threads.hpp"
 
 namespace stillpoint::rgbd_slam {
 
@@ -24,8 +23,8 @@ namespace stillpoint::rgbd_slam {
 ///
 /// A keyframe votes for places by its descriptors; a place that is not its neighbor anyway is
 /// verified by pose (PnP, guided matching), and by the keyframe's neighbors, which must find it too
-/// when moved along. Then both sides are fused, the essential graph (spanning tree, loops, strong
-/// covisibility) is optimised, and everything is adjusted once more.
+/// when moved along. Then the essential graph (spanning tree, loops, strong covisibility) is
+/// optimised, and the points of both sides are fused.
 class LoopClosing {
  public:
   struct Settings {
@@ -36,71 +35,46 @@ class LoopClosing {
     /// Matches that must agree with one pose.
     int min_inliers = 40;
     /// Keyframes between two closed loops.
-    int min_gap = 8;
+    std::size_t min_gap = 8;
     /// Points shared by two keyframes that make an edge of the essential graph.
     int strong_covisibility = 80;
-    int bundle_iterations = 15;
   };
 
   LoopClosing(const CameraModel& model, const Settings& settings)
       : model_(model), settings_(settings) {}
 
-  /// Enters a keyframe into the index and closes a loop if it sees one. `mapping_lock` keeps local
-  /// mapping out while the map is corrected; `lock` is the map's. Returns true if one was closed.
-  bool process(Map& map, std::mutex& mapping_lock, FairMutex& lock, PlaceIndex& index,
-               KeyframeId id) {
+  /// Enters a keyframe into the index and closes a loop if it sees one. Only tracking may work on
+  /// the map meanwhile; `lock` is the map's.
+  void process(Map& map, FairMutex& lock, PlaceIndex& index, KeyframeId id) {
     std::vector<KeyframeId> candidates;
     {
       const std::lock_guard<FairMutex> guard(lock);
-      if (!map.keyframe(id)) return false;
       const std::vector<Descriptor> descriptors = place_descriptors(*map.keyframe(id));
-      if (settings_.enabled && id - last_loop_ >= settings_.min_gap)
+      if (settings_.enabled &&
+          (!last_loop_ || id.index() - last_loop_.index() >= settings_.min_gap))
         candidates = find_candidates(map, index.query(descriptors), id);
       index.add(id, descriptors);
     }
-    Loop loop;
     for (const KeyframeId place : candidates) {
-      // One at a time: each takes about 10 ms, and tracking may wait.
-      const std::lock_guard<FairMutex> guard(lock);
-      loop = confirm(map, id, place);
-      if (loop.place != kNone) break;
+      TrackedFrame found;
+      {
+        // One at a time: each takes about 10 ms, and tracking may wait.
+        const std::lock_guard<FairMutex> guard(lock);
+        found = TrackedFrame(map.keyframe(id)->frame);
+        if (find_pose_at_place(model_, map, place, settings_.min_inliers, found) == 0 ||
+            !neighbors_agree(map, *map.keyframe(id), place, found.T_camera_world))
+          continue;
+      }
+      close(map, lock, id, place, found);
+      last_loop_ = id;
+      ++closed_;
+      return;
     }
-    if (loop.place == kNone) return false;
-    {
-      const std::lock_guard<std::mutex> no_mapping(mapping_lock);
-      if (!correct(map, lock, id, loop)) return false;
-    }
-    last_loop_ = id;
-    ++closed_;
-    adjust_all(map, mapping_lock, lock);
-    return true;
   }
 
   int closed() const { return closed_; }
-  void reset() { last_loop_ = -1000; }
-
-  /// Adjusts all keyframes and points at once (full bundle adjustment).
-  void adjust_all(Map& map, std::mutex& mapping_lock, FairMutex& lock) {
-    BundleProblem bundle;
-    {
-      const std::lock_guard<FairMutex> guard(lock);
-      bundle = collect_bundle(map, model_, map.keyframe_ids());
-    }
-    if (!solve_bundle(bundle, model_, settings_.bundle_iterations, nullptr, true)) return;
-    const std::lock_guard<std::mutex> no_mapping(mapping_lock);
-    const std::lock_guard<FairMutex> guard(lock);
-    apply_bundle(map, bundle, true);
-  }
 
  private:
-  using Poses = std::map<KeyframeId, Eigen::Isometry3d>;
-  using Links = std::map<KeyframeId, std::map<KeyframeId, int>>;
-  struct Loop {
-    KeyframeId place = kNone;
-    Eigen::Isometry3d T_camera_world = Eigen::Isometry3d::Identity();
-    std::vector<PointId> points;  // per keypoint of the keyframe
-  };
-
   // Places that look like the keyframe and are not linked to it, most alike first.
   std::vector<KeyframeId> find_candidates(const Map& map,
                                           const std::vector<PlaceIndex::Vote>& votes,
@@ -108,11 +82,11 @@ class LoopClosing {
     const Keyframe& k = *map.keyframe(id);
     // Neighbors, and their neighbors: places that the map links already.
     std::set<KeyframeId> linked{id};
-    int best_neighbor = 0;
     for (const auto& [n, shared] : k.covisible) {
       linked.insert(n);
       for (const auto& [second, shared_by_both] : map.keyframe(n)->covisible) linked.insert(second);
     }
+    int best_neighbor = 0;
     for (const PlaceIndex::Vote& v : votes)
       if (k.covisible.count(v.place)) best_neighbor = std::max(best_neighbor, v.votes);
     const int needed =
@@ -123,18 +97,6 @@ class LoopClosing {
       if (!linked.count(v.place) && map.keyframe(v.place)) candidates.push_back(v.place);
     }
     return candidates;
-  }
-
-  // The loop from the keyframe to the place, if its points and its neighbors agree. Either keyframe
-  // may have been culled meanwhile.
-  Loop confirm(const Map& map, KeyframeId id, KeyframeId place) const {
-    const Keyframe* k = map.keyframe(id);
-    if (!k || !map.keyframe(place)) return {};
-    TrackedFrame f(k->frame);
-    if (find_pose_at_place(model_, map, place, settings_.min_inliers, f) == 0 ||
-        !neighbors_agree(map, *k, place, f.T_camera_world))
-      return {};
-    return {place, f.T_camera_world, f.points};
   }
 
   // Moved along with the keyframe, its neighbors must find the place's points too.
@@ -158,104 +120,68 @@ class LoopClosing {
     return 2 * agreeing >= asked;
   }
 
-  // Moves the keyframe's surroundings onto the place, and the keyframes between with them. If it
-  // fails half-way, the keyframes go back to where they were: the map is not torn.
-  bool correct(Map& map, FairMutex& lock, KeyframeId id, const Loop& loop) {
-    Poses before, poses;
+  // Bends the map so that the keyframe stands where it was found at the place, and fuses the points
+  // of both sides.
+  void close(Map& map, FairMutex& lock, KeyframeId id, KeyframeId place,
+             const TrackedFrame& found) const {
     std::vector<PoseGraphEdge> edges;
-    try {
-      {
-        const std::lock_guard<FairMutex> guard(lock);
-        if (!map.keyframe(id) || !map.keyframe(loop.place)) return false;
-        Links links_before;
-        for (const KeyframeId i : map.keyframe_ids()) {
-          before[i] = map.keyframe(i)->T_camera_world;
-          links_before[i] = map.keyframe(i)->covisible;
-        }
-        std::vector<KeyframeId> group = map.neighbors(id);
-        group.push_back(id);
-        join(map, group, id, loop);
-        edges = essential_graph(map, before, links_before, group);
-        for (const auto& entry : before)
-          poses[entry.first] = map.keyframe(entry.first)->T_camera_world;
-      }
-      // The map's first keyframe, its origin, is never removed.
-      if (!optimize_pose_graph(poses, edges, poses.begin()->first)) return false;
+    std::map<KeyframeId, Eigen::Isometry3d> poses;
+    {
       const std::lock_guard<FairMutex> guard(lock);
-      move_map(map, poses);
-      return true;
-    } catch (...) {
-      const std::lock_guard<FairMutex> guard(lock);
-      move_map(map, before);
-      throw;
+      edges = essential_graph(map);
+      edges.push_back({id, place,
+                       found.T_camera_world * map.keyframe(place)->T_camera_world.inverse(),
+                       kLoopWeight});
+      for (const KeyframeId k : map.keyframe_ids()) poses[k] = map.keyframe(k)->T_camera_world;
     }
-  }
-
-  // Moves the keyframe's surroundings onto the place and fuses the points of both sides.
-  void join(Map& map, const std::vector<KeyframeId>& group, KeyframeId id, const Loop& loop) {
-    const Eigen::Isometry3d step =
-        loop.T_camera_world.inverse() * map.keyframe(id)->T_camera_world;  // moves points
+    if (!optimize_pose_graph(poses, edges, poses.begin()->first)) return;
+    const std::lock_guard<FairMutex> guard(lock);
+    move_map(map, poses);
     const std::vector<PointId> place_points =
-        gather_local_map(map, map.keyframe(loop.place)->points, 20).points;
-    const std::set<PointId> stay(place_points.begin(), place_points.end());
-    for (const PointId p : map.points_of(group))
-      if (!stay.count(p)) map.point(p)->position = step * map.point(p)->position;
-    for (const KeyframeId g : group)
-      map.keyframe(g)->T_camera_world = map.keyframe(g)->T_camera_world * step.inverse();
+        gather_local_map(map, map.keyframe(place)->points, 20).points;
     Keyframe& k = *map.keyframe(id);
-    for (std::size_t i = 0; i < loop.points.size(); ++i) {
-      MapPoint* p = map.point(loop.points[i]);
+    for (std::size_t i = 0; i < found.points.size(); ++i) {
+      MapPoint* p = map.point(found.points[i]);
       if (!p || Map::observed_by(*p, id)) continue;
-      if (map.point(k.points[i]))
+      if (k.points[i])
         map.replace_point(k.points[i], p->id);
       else
-        map.observe(*p, k, static_cast<int>(i));
+        map.observe(*p, k, i);
     }
+    std::vector<KeyframeId> group = map.neighbors(id);
+    group.push_back(id);
     for (const KeyframeId g : group)
       fuse_points(model_, map, *map.keyframe(g), place_points, 4, true);
     for (const KeyframeId g : group) map.update_connections(g);
-    k.loop_edges.insert(loop.place);
-    map.keyframe(loop.place)->loop_edges.insert(id);
+    k.loop_edges.insert(place);
+    map.keyframe(place)->loop_edges.insert(id);
   }
 
-  // The edges that must fit when the map is bent: new links across the loop as the poses are now,
-  // all others as they were.
-  std::vector<PoseGraphEdge> essential_graph(const Map& map, const Poses& before,
-                                             const Links& links_before,
-                                             const std::vector<KeyframeId>& group) const {
+  // The poses of linked keyframes relative to each other, as they are.
+  std::vector<PoseGraphEdge> essential_graph(const Map& map) const {
     std::vector<PoseGraphEdge> edges;
-    std::set<std::pair<KeyframeId, KeyframeId>> listed;
-    const auto add = [&](KeyframeId a, KeyframeId b, const auto& pose_of) {
-      if (listed.insert(std::minmax(a, b)).second)
-        edges.push_back({a, b, pose_of(a) * pose_of(b).inverse()});
-    };
-    const auto now = [&](KeyframeId id) { return map.keyframe(id)->T_camera_world; };
-    const auto then = [&](KeyframeId id) { return before.at(id); };
-    const std::set<KeyframeId> in_group(group.begin(), group.end());
-    for (const KeyframeId g : group) {
-      const Keyframe& k = *map.keyframe(g);
-      const std::map<KeyframeId, int>& linked = links_before.at(g);
-      for (const auto& [other, shared] : k.covisible)
-        if (!in_group.count(other) && !linked.count(other) &&
-            (shared >= settings_.strong_covisibility || k.loop_edges.count(other)))
-          add(g, other, now);
-      for (const KeyframeId other : k.loop_edges)
-        if (!linked.count(other)) add(g, other, now);
-    }
-    for (const auto& [id, T] : before) {
+    for (const KeyframeId id : map.keyframe_ids()) {
       const Keyframe& k = *map.keyframe(id);
-      if (k.parent != kNone) add(id, k.parent, then);
+      const auto add = [&](KeyframeId earlier, double weight) {
+        const Eigen::Isometry3d& T = map.keyframe(earlier)->T_camera_world;
+        edges.push_back({id, earlier, k.T_camera_world * T.inverse(), weight});
+      };
+      if (k.parent) add(k.parent, 1);
       for (const KeyframeId other : k.loop_edges)
-        if (before.count(other)) add(id, other, then);
-      for (const auto& [other, shared] : links_before.at(id))
-        if (shared >= settings_.strong_covisibility) add(id, other, then);
+        if (other < id) add(other, kLoopWeight);
+      for (const auto& [other, shared] : k.covisible)
+        if (other < id && other != k.parent && shared >= settings_.strong_covisibility)
+          add(other, 1);
     }
     return edges;
   }
 
+  // A loop weighs as much as all the links of a keyframe.
+  static constexpr double kLoopWeight = 10;
+
   CameraModel model_;
   Settings settings_;
-  KeyframeId last_loop_ = -1000;
+  KeyframeId last_loop_;
   std::atomic<int> closed_{0};
 };
 

@@ -14,56 +14,51 @@ namespace stillpoint::rgbd_slam {
 
 /// Looks for points in a keyframe that does not see them yet. A keypoint that fits takes the point
 /// on; one that has a point already merges both, into the one with more observations (or always
-/// into the given one with `keep_given`). Returns the number of points found. O(points).
-inline int fuse_points(const CameraModel& model, Map& map, Keyframe& keyframe,
-                       const std::vector<PointId>& points, double radius_px, bool keep_given) {
-  const std::vector<int> free(keyframe.frame.size(), kNone);
-  std::vector<int> scratch;
-  int fused = 0;
+/// into the given one with `keep_given`). O(points).
+inline void fuse_points(const CameraModel& model, Map& map, Keyframe& keyframe,
+                        const std::vector<PointId>& points, double radius_px, bool keep_given) {
+  const std::vector<PointId> none_taken(keyframe.frame.size());
+  std::vector<std::size_t> scratch;
   for (const PointId id : points) {
     MapPoint* p = map.point(id);
     if (!p || Map::observed_by(*p, keyframe.id)) continue;
     const auto projection = project(model, keyframe.frame, *p, keyframe.T_camera_world);
     if (!projection) continue;
     const double scale = std::pow(model.scale_factor, std::clamp(projection->octave, 0, 6));
-    const int k = match_at(keyframe.frame, *projection, radius_px * scale, p->descriptor, {50, 1.0},
-                           free, scratch);
-    if (k < 0) continue;
+    const auto k = match_at(keyframe.frame, *projection, radius_px * scale, p->descriptor,
+                            {50, 1.0}, none_taken, scratch);
+    if (!k) continue;
     // Where poses agree, so must the keypoint.
-    if (!keep_given && !agrees(model, keyframe.frame.keypoints[static_cast<std::size_t>(k)],
-                               keyframe.T_camera_world * p->position, 4))
+    if (!keep_given &&
+        !agrees(model, keyframe.frame.keypoints[*k], keyframe.T_camera_world * p->position, 4))
       continue;
-    const PointId other = keyframe.points[static_cast<std::size_t>(k)];
+    const PointId other = keyframe.points[*k];
     if (const MapPoint* o = map.point(other)) {
       if (!keep_given && o->observations.size() > p->observations.size())
         map.replace_point(id, other);
       else
         map.replace_point(other, id);
     } else {
-      map.observe(*p, keyframe, k);
+      map.observe(*p, keyframe, *k);
     }
-    ++fused;
   }
-  return fused;
 }
 
 /// Moves keyframes to new poses and points to new places; keyframes that are not named move with
 /// their parent, points that are not named with their reference keyframe. O(map).
 inline void move_map(Map& map, const std::map<KeyframeId, Eigen::Isometry3d>& poses,
                      const std::map<PointId, Eigen::Vector3d>& points = {}) {
-  std::vector<Eigen::Isometry3d> step(static_cast<std::size_t>(map.keyframe_end()),
-                                      Eigen::Isometry3d::Identity());
+  std::vector<Eigen::Isometry3d> step(map.keyframe_end(), Eigen::Isometry3d::Identity());
   // Parents are older than their children. step = T_world'_camera T_camera_world: moves points.
   for (const KeyframeId id : map.keyframe_ids()) {
     Keyframe* k = map.keyframe(id);
     const auto named = poses.find(id);
-    const auto i = static_cast<std::size_t>(id);
     if (named != poses.end()) {
-      step[i] = named->second.inverse() * k->T_camera_world;
+      step[id.index()] = named->second.inverse() * k->T_camera_world;
       k->T_camera_world = named->second;
-    } else if (k->parent != kNone) {
-      step[i] = step[static_cast<std::size_t>(k->parent)];
-      k->T_camera_world = k->T_camera_world * step[i].inverse();
+    } else if (k->parent) {
+      step[id.index()] = step[k->parent.index()];
+      k->T_camera_world = k->T_camera_world * step[id.index()].inverse();
     }
   }
   for (const PointId id : map.point_ids()) {
@@ -72,7 +67,7 @@ inline void move_map(Map& map, const std::map<KeyframeId, Eigen::Isometry3d>& po
     if (named != points.end())
       p->position = named->second;
     else
-      p->position = step[static_cast<std::size_t>(p->reference)] * p->position;
+      p->position = step[p->reference.index()] * p->position;
   }
 }
 

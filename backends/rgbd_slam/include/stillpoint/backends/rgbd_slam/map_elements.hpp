@@ -2,30 +2,27 @@
 #pragma once
 
 #include <Eigen/Geometry>
+#include <cstddef>
 #include <map>
 #include <set>
 #include <vector>
 
+#include "stillpoint/backends/rgbd_slam/ids.hpp"
 #include "stillpoint/backends/rgbd_slam/keypoint_frame.hpp"
 #include "stillpoint/backends/rgbd_slam/matching.hpp"
 #include "stillpoint/backends/rgbd_slam/patch.hpp"
 
 namespace stillpoint::rgbd_slam {
 
-using KeyframeId = int;
-using PointId = int;
-/// No keyframe, no point.
-constexpr int kNone = -1;
-
 /// Keypoint `keypoint` of keyframe `keyframe` shows a point.
 struct Observation {
-  KeyframeId keyframe = kNone;
-  int keypoint = kNone;
+  KeyframeId keyframe;
+  std::size_t keypoint;
 };
 
 /// A point of the static world.
 struct MapPoint {
-  PointId id = kNone;
+  PointId id;
   /// World coordinates, metres.
   Eigen::Vector3d position = Eigen::Vector3d::Zero();
   /// Mean of the unit vectors from the cameras that see it to the point.
@@ -36,23 +33,23 @@ struct MapPoint {
   /// In ascending order of keyframes; one per keyframe.
   std::vector<Observation> observations;
   /// Moves with this keyframe when a loop is closed; the first one that saw it.
-  KeyframeId reference = kNone, first_keyframe = kNone;
+  KeyframeId reference, first_keyframe;
   /// Frames in whose view it should have been, and those that found it.
   int visible = 1, found = 1;
 };
 
 /// A frame that the map is built of.
 struct Keyframe {
-  KeyframeId id = kNone;
+  KeyframeId id;
   Eigen::Isometry3d T_camera_world = Eigen::Isometry3d::Identity();
   KeypointFrame frame;
-  /// The point of each keypoint, or kNone.
+  /// The point of each keypoint, or none.
   std::vector<PointId> points;
   /// Keyframes that see the same points, and how many.
   std::map<KeyframeId, int> covisible;
-  /// Spanning tree, and accepted loops.
-  KeyframeId parent = kNone;
-  std::set<KeyframeId> children, loop_edges;
+  /// Spanning tree: an earlier keyframe; none for the origin. Accepted loops.
+  KeyframeId parent;
+  std::set<KeyframeId> loop_edges;
 
   double timestamp() const { return frame.timestamp; }
   Eigen::Vector3d center() const { return T_camera_world.inverse().translation(); }

@@ -8,7 +8,6 @@
 #include <utility>
 #include <vector>
 
-#include "stillpoint/backends/rgbd_slam/frame_clock.hpp"
 #include "stillpoint/backends/rgbd_slam/local_map.hpp"
 #include "stillpoint/backends/rgbd_slam/pnp.hpp"
 #include "stillpoint/backends/rgbd_slam/pose_history.hpp"
@@ -37,7 +36,7 @@ class MapTracking {
     double max_keyframe_gap_s = 0.5, min_keyframe_gap_s = 1.0 / 15;
     /// The map is started anew when it is lost for so long with fewer keyframes than that.
     double restart_after_s = 1;
-    int restart_keyframes = 4;
+    std::size_t restart_keyframes = 4;
     std::size_t max_local_keyframes = 40;
   };
 
@@ -55,16 +54,15 @@ class MapTracking {
   /// Tracks a frame; false: lost. With `mapper_busy` a keyframe waits if it can.
   bool track(Map& map, PlaceIndex& index, KeypointFrame frame, const ImagePyramid& pyramid,
              bool mapper_busy) {
-    clock_.advance(frame.timestamp);
-    const bool at_start = history_.at_start(frame.timestamp);
-    KeypointFrame kept = at_start ? frame : KeypointFrame();
+    // A host without timestamps, or one whose clock was set back, still gets its keyframes.
+    now_s_ += frame.timestamp > last_s_ ? frame.timestamp - last_s_ : 1.0 / 30;
+    last_s_ = frame.timestamp;
     current_ = TrackedFrame(std::move(frame));
     pyramid_ = &pyramid;
+    after_keyframe_ = stats_.keyframe;
     stats_ = Stats();
     stats_.keypoints = static_cast<int>(current_.frame.size());
     for (const FrameKeypoint& k : current_.frame.keypoints) stats_.with_depth += k.depth_m > 0;
-    after_keyframe_ = new_keyframe_ != kNone;
-    new_keyframe_ = kNone;
     bool ok = false;
     if (map.keyframe_count() == 0) {
       ok = start(map);
@@ -76,19 +74,19 @@ class MapTracking {
         if (ok) local_ = gather_local_map(map, current_.points, settings_.max_local_keyframes);
       }
       if (ok) ok = follow_local_map(map);
-      if (ok) accept(map, mapper_busy);
+      if (ok && keyframe_due(map, mapper_busy)) insert_keyframe(map);
     }
     if (ok) {
+      history_.add(map, stats_.keyframe ? newest_keyframe_ : local_.reference,
+                   current_.frame.timestamp, current_.T_camera_world, tracking_);
       lost_since_s_.reset();
-      if (at_start)
-        history_.keep_for_review(std::move(kept), pyramid.image(0), new_keyframe_ != kNone);
     } else {
       stats_.recovered = false;
       history_.forget_motion();
-      if (!lost_since_s_) lost_since_s_ = clock_.now_s();
-      stats_.restart_due = clock_.reached_since(*lost_since_s_, settings_.restart_after_s) &&
+      if (!lost_since_s_) lost_since_s_ = now_s_;
+      stats_.restart_due = passed(*lost_since_s_, settings_.restart_after_s) &&
                            map.keyframe_count() > 0 &&
-                           static_cast<int>(map.keyframe_count()) < settings_.restart_keyframes;
+                           map.keyframe_count() < settings_.restart_keyframes;
     }
     tracking_ = ok;
     return ok;
@@ -96,18 +94,9 @@ class MapTracking {
 
   const TrackedFrame& current() const { return current_; }
   const Stats& stats() const { return stats_; }
-  /// The keyframe made of the last frame, or kNone.
-  KeyframeId new_keyframe() const { return new_keyframe_; }
-  PoseHistory& history() { return history_; }
+  /// The newest keyframe: the last frame's if stats().keyframe.
+  KeyframeId newest_keyframe() const { return newest_keyframe_; }
   const PoseHistory& history() const { return history_; }
-
-  /// Forgets everything, the trajectory too: for a map that is started anew.
-  void reset() {
-    history_ = PoseHistory();
-    local_ = LocalMap();
-    lost_since_s_.reset();
-    tracking_ = false;
-  }
 
  private:
   // With so many the camera is sure to be where it was predicted.
@@ -115,10 +104,12 @@ class MapTracking {
   // With the mapper behind, keyframes wait so long.
   static constexpr double kBusyGapS = 1.0 / 6;
 
+  // Whether so much time has passed, but for the jitter of timestamps: less than a frame at 90 Hz.
+  bool passed(double since_s, double wanted_s) const { return now_s_ - since_s > wanted_s - 0.01; }
+
   bool start(Map& map) {
     if (stats_.with_depth < settings_.min_start_points) return false;
     insert_keyframe(map);
-    record(map);
     return true;
   }
 
@@ -142,7 +133,7 @@ class MapTracking {
 
   // Fills stats_.matches and stats_.inliers.
   void match_from(const Map& map, const Eigen::Isometry3d& T, double radius_px) {
-    current_.points.assign(current_.frame.size(), kNone);
+    current_.points.assign(current_.frame.size(), PointId());
     current_.T_camera_world = T;
     stats_.matches = match_projections(model_, map, local_.points, radius_px, current_);
     stats_.inliers = 0;
@@ -153,16 +144,16 @@ class MapTracking {
   bool follow_local_map(Map& map) {
     local_ = gather_local_map(map, current_.points, settings_.max_local_keyframes);
     stats_.local_points = static_cast<int>(local_.points.size());
-    if (local_.reference == kNone) return false;
+    if (!local_.reference) return false;
     // Those matched already are in view; the others are looked for.
     std::vector<PointId> in_view;
-    std::vector<char> matched(static_cast<std::size_t>(map.point_end()), 0);
+    std::vector<char> matched(map.point_end(), 0);
     for (const PointId id : current_.points)
-      if (id != kNone) matched[static_cast<std::size_t>(id)] = 1, in_view.push_back(id);
+      if (id) matched[id.index()] = 1, in_view.push_back(id);
     std::vector<PointId> others;
     others.reserve(local_.points.size());
     for (const PointId id : local_.points)
-      if (!matched[static_cast<std::size_t>(id)]) others.push_back(id);
+      if (!matched[id.index()]) others.push_back(id);
     match_projections(model_, map, others, 4, current_, &in_view);
     stats_.matches = current_.matches();
     stats_.inliers = refine_pose(model_, map, current_);
@@ -172,7 +163,7 @@ class MapTracking {
     }
     for (const PointId id : in_view) ++map.point(id)->visible;
     for (const PointId id : current_.points)
-      if (id != kNone) ++map.point(id)->found;
+      if (id) ++map.point(id)->found;
     return stats_.inliers >= (stats_.recovered ? settings_.min_relocalized : settings_.min_inliers);
   }
 
@@ -198,21 +189,10 @@ class MapTracking {
     current_ = std::move(other);
   }
 
-  void accept(Map& map, bool mapper_busy) {
-    if (keyframe_due(map, mapper_busy)) insert_keyframe(map);
-    record(map);
-  }
-
-  void record(const Map& map) {
-    const KeyframeId reference = new_keyframe_ != kNone ? new_keyframe_ : local_.reference;
-    history_.add(map, reference, current_, tracking_);
-  }
-
   bool keyframe_due(const Map& map, bool mapper_busy) const {
     // However slow the camera, never two frames in a row: the second would be judged by nothing but
     // what the first, which may be wrong, has put into the map.
-    if (after_keyframe_ || !clock_.reached_since(keyframe_s_, settings_.min_keyframe_gap_s))
-      return false;
+    if (after_keyframe_ || !passed(keyframe_s_, settings_.min_keyframe_gap_s)) return false;
     // Points of the reference that are worth finding: seen more than once, once there was time.
     const int min_observations = map.keyframe_count() <= 2 ? 1 : 2;
     int reference_points = 0;
@@ -221,8 +201,8 @@ class MapTracking {
         reference_points += static_cast<int>(p->observations.size()) >= min_observations;
     const bool weak = stats_.inliers < settings_.keyframe_ratio * reference_points;
     const bool very_weak = stats_.inliers < 0.3 * reference_points || stats_.inliers < 60;
-    if (mapper_busy) return very_weak && clock_.reached_since(keyframe_s_, kBusyGapS);
-    return weak || very_weak || clock_.reached_since(keyframe_s_, settings_.max_keyframe_gap_s);
+    if (mapper_busy) return very_weak && passed(keyframe_s_, kBusyGapS);
+    return weak || very_weak || passed(keyframe_s_, settings_.max_keyframe_gap_s);
   }
 
   void insert_keyframe(Map& map) {
@@ -230,23 +210,23 @@ class MapTracking {
     const Eigen::Isometry3d T_world_camera = current_.T_camera_world.inverse();
     for (std::size_t i = 0; i < current_.points.size(); ++i) {
       if (MapPoint* p = map.point(current_.points[i])) {
-        map.observe(*p, k, static_cast<int>(i));
+        map.observe(*p, k, i);
         continue;
       }
       FrameKeypoint& f = k.frame.keypoints[i];
       if (f.depth_m <= 0) continue;
       const Eigen::Vector3d p = model_.camera.unproject(f.x, f.y, f.depth_m);
-      MapPoint& added = map.add_point(T_world_camera * p, k, static_cast<int>(i));
+      MapPoint& added = map.add_point(T_world_camera * p, k, i);
       added.patch = cut_patch(*pyramid_, model_.camera, f.pixel(), f.octave,
                               current_.T_camera_world.linear(), f.depth_m);
       // What the patch shows is the point: here it is where it is.
       f.refined = !added.patch.empty();
       current_.points[i] = added.id;
-      local_.points.push_back(current_.points[i]);
+      local_.points.push_back(added.id);
     }
     map.update_connections(k.id);
-    new_keyframe_ = k.id;
-    keyframe_s_ = clock_.now_s();
+    newest_keyframe_ = k.id;
+    keyframe_s_ = now_s_;
     stats_.keyframe = true;
   }
 
@@ -257,10 +237,10 @@ class MapTracking {
   LocalMap local_;
   PoseHistory history_;
   Stats stats_;
-  KeyframeId new_keyframe_ = kNone;
+  KeyframeId newest_keyframe_;
   bool tracking_ = false, after_keyframe_ = false;
-  FrameClock clock_;
-  double keyframe_s_ = 0;               // when the last keyframe was made
+  double now_s_ = 0, last_s_ = 0;       // this frame's time: our own, and its timestamp
+  double keyframe_s_ = 0;               // when the newest keyframe was made
   std::optional<double> lost_since_s_;  // the first lost frame's
 };
 

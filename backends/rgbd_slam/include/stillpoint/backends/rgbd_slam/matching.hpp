@@ -5,8 +5,12 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <opencv2/features2d.hpp>
+#include <optional>
+#include <utility>
 #include <vector>
 
+#include "stillpoint/backends/rgbd_slam/ids.hpp"
 #include "stillpoint/backends/rgbd_slam/keypoint_frame.hpp"
 
 namespace stillpoint::rgbd_slam {
@@ -25,72 +29,55 @@ struct Projection {
   int octave;
 };
 
-/// The nearest of the descriptors that were tried, and the distance of the second nearest.
-struct NearestDescriptor {
-  int index = -1, distance = 257, second_distance = 257;
-
-  void try_one(int i, int d) {
-    if (d < distance)
-      second_distance = distance, distance = d, index = i;
-    else if (d < second_distance)
-      second_distance = d;
-  }
-  bool within(const MatchLimits& limits) const {
-    return distance <= limits.max_distance && distance <= limits.ratio * second_distance;
-  }
-};
-
 /// Finds the keypoint within `radius_px` of a projection, a level up or down at most, whose
-/// descriptor is nearest; -1 for none. Keypoints with taken[i] >= 0 are left out. `found` is
-/// scratch memory. O(keypoints in the radius).
-inline int match_at(const KeypointFrame& frame, const Projection& at, double radius_px,
-                    const Descriptor& descriptor, const MatchLimits& limits,
-                    const std::vector<int>& taken, std::vector<int>& found) {
+/// descriptor is nearest. Keypoints that have a point in `taken` are left out. `found` is scratch
+/// memory. O(keypoints in the radius).
+inline std::optional<std::size_t> match_at(const KeypointFrame& frame, const Projection& at,
+                                           double radius_px, const Descriptor& descriptor,
+                                           const MatchLimits& limits,
+                                           const std::vector<PointId>& taken,
+                                           std::vector<std::size_t>& found) {
   frame.find(at.pixel.x(), at.pixel.y(), radius_px, at.octave - 1, at.octave + 1, found);
-  int best = -1, best_distance = 257, second_distance = 257, best_octave = -1, second_octave = -2;
-  for (const int index : found) {
-    const auto i = static_cast<std::size_t>(index);
-    if (taken[i] >= 0) continue;
+  std::size_t best = 0;
+  int best_distance = 257, second_distance = 257, best_octave = -1, second_octave = -2;
+  for (const std::size_t i : found) {
+    if (taken[i]) continue;
     const int distance = hamming_distance(descriptor, frame.descriptors[i]);
     if (distance < best_distance) {
       second_distance = best_distance, second_octave = best_octave;
-      best_distance = distance, best = index, best_octave = frame.keypoints[i].octave;
+      best_distance = distance, best = i, best_octave = frame.keypoints[i].octave;
     } else if (distance < second_distance) {
       second_distance = distance, second_octave = frame.keypoints[i].octave;
     }
   }
-  if (best_distance > limits.max_distance) return -1;
+  if (best_distance > limits.max_distance) return std::nullopt;
   // The same corner often shows on neighboring levels: only rivals of one level are rivals.
-  if (best_octave == second_octave && best_distance > limits.ratio * second_distance) return -1;
+  if (best_octave == second_octave && best_distance > limits.ratio * second_distance)
+    return std::nullopt;
   return best;
 }
 
-/// A pair of descriptors: index in the first list, index in the second.
-struct DescriptorMatch {
-  int first, second;
-};
-
 /// Matches two lists without any guess of where: nearest both ways, distance and ratio limits.
-/// O(n m).
-inline std::vector<DescriptorMatch> match_all(const std::vector<Descriptor>& first,
-                                              const std::vector<Descriptor>& second,
-                                              const MatchLimits& limits) {
-  std::vector<NearestDescriptor> back(second.size());
-  std::vector<DescriptorMatch> forward;
-  for (std::size_t i = 0; i < first.size(); ++i) {
-    NearestDescriptor nearest;
-    for (std::size_t k = 0; k < second.size(); ++k) {
-      const int distance = hamming_distance(first[i], second[k]);
-      nearest.try_one(static_cast<int>(k), distance);
-      back[k].try_one(static_cast<int>(i), distance);
-    }
-    if (nearest.within(limits)) forward.push_back({static_cast<int>(i), nearest.index});
+/// Gives pairs of indices. O(n m).
+inline std::vector<std::pair<std::size_t, std::size_t>> match_all(
+    const std::vector<Descriptor>& first, const std::vector<Descriptor>& second,
+    const MatchLimits& limits) {
+  std::vector<std::pair<std::size_t, std::size_t>> pairs;
+  if (first.empty() || second.empty()) return pairs;
+  const cv::BFMatcher matcher(cv::NORM_HAMMING);
+  std::vector<std::vector<cv::DMatch>> nearest;
+  std::vector<cv::DMatch> back;
+  matcher.knnMatch(descriptor_rows(first), descriptor_rows(second), nearest, 2);
+  matcher.match(descriptor_rows(second), descriptor_rows(first), back);
+  for (const std::vector<cv::DMatch>& n : nearest) {
+    const auto i = static_cast<std::size_t>(n[0].queryIdx);
+    const auto k = static_cast<std::size_t>(n[0].trainIdx);
+    const bool clear = n.size() < 2 || n[0].distance <= limits.ratio * n[1].distance;
+    if (n[0].distance <= static_cast<float>(limits.max_distance) && clear &&
+        back[k].trainIdx == n[0].queryIdx)
+      pairs.emplace_back(i, k);
   }
-  const auto one_way = [&](const DescriptorMatch& m) {
-    return back[static_cast<std::size_t>(m.second)].index != m.first;
-  };
-  forward.erase(std::remove_if(forward.begin(), forward.end(), one_way), forward.end());
-  return forward;
+  return pairs;
 }
 
 /// Distance range over which a point, seen at `distance_m` on `octave`, stays in the pyramid.

@@ -1,19 +1,20 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #pragma once
 
-#include <Eigen/Cholesky>
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <array>
 #include <cmath>
 #include <cstddef>
-#include <cstdint>
+#include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
 #include <optional>
 
 #include "stillpoint/backends/rgbd_slam/image_pyramid.hpp"
 #include "stillpoint/core/camera.hpp"
 #include "stillpoint/core/distortion.hpp"
+#include "stillpoint/motion/patch_shift.hpp"
 
 namespace stillpoint::rgbd_slam {
 
@@ -24,16 +25,27 @@ namespace stillpoint::rgbd_slam {
 struct Patch {
   static constexpr int kSide = 16;
   /// Grey values, row by row; the point lies in the middle, at (7.5, 7.5).
-  std::array<std::uint8_t, kSide * kSide> gray{};
+  std::array<float, kSide * kSide> gray{};
   /// The camera that saw it: rotation from world to camera, the point's depth in it, and pixels of
   /// level 0 in one of the patch. Depth 0: there is no patch.
   Eigen::Matrix3f R_camera_world = Eigen::Matrix3f::Identity();
   float depth_m = 0, scale = 1;
 
   bool empty() const { return depth_m <= 0; }
+
+  /// Between pixels; the caller keeps 0 <= x, y < kSide - 1.
+  float gray_at(float x, float y) const {
+    const int ix = static_cast<int>(x), iy = static_cast<int>(y);
+    const float a = x - static_cast<float>(ix), b = y - static_cast<float>(iy);
+    const float* above = &gray[static_cast<std::size_t>(iy * kSide + ix)];
+    const float* below = above + kSide;
+    const float top = above[0] + a * (above[1] - above[0]);
+    return top + b * (below[0] + a * (below[1] - below[0]) - top);
+  }
 };
 
-/// Cuts the patch at an undistorted pixel on a pyramid level; an empty one at the image's rim.
+/// Cuts the patch of an image (CV_32FC1) at an undistorted pixel on a pyramid level; an empty one
+/// at the image's rim.
 inline Patch cut_patch(const ImagePyramid& pyramid, const Camera& camera,
                        const Eigen::Vector2d& pixel, int level,
                        const Eigen::Matrix3d& R_camera_world, double depth_m) {
@@ -45,11 +57,8 @@ inline Patch cut_patch(const ImagePyramid& pyramid, const Camera& camera,
   if (!(p.x() > kHalf && p.y() > kHalf && p.x() < image.cols - kHalf - 1 &&
         p.y() < image.rows - kHalf - 1))
     return patch;
-  const float x0 = static_cast<float>(p.x()) - 7.5f, y0 = static_cast<float>(p.y()) - 7.5f;
-  for (int v = 0; v < Patch::kSide; ++v)
-    for (int u = 0; u < Patch::kSide; ++u)
-      patch.gray[static_cast<std::size_t>(v * Patch::kSide + u)] = static_cast<std::uint8_t>(
-          gray_at(image, x0 + static_cast<float>(u), y0 + static_cast<float>(v)) + 0.5f);
+  cv::Mat gray(Patch::kSide, Patch::kSide, CV_32FC1, patch.gray.data());
+  cv::getRectSubPix(image, gray.size(), cv::Point2d(p.x(), p.y()), gray);
   patch.R_camera_world = R_camera_world.cast<float>();
   patch.depth_m = static_cast<float>(depth_m);
   patch.scale = static_cast<float>(pyramid.scale(level));
@@ -77,88 +86,47 @@ inline std::optional<Eigen::Matrix2d> patch_warp(const Camera& camera, const Pat
   return warp;
 }
 
-/// Fills `gray` (Side rows of as many) with the patch as a level shows it; false where the level
+/// The patch as a level shows it, with a pixel around it for its slopes; no value where the level
 /// shows more than the patch holds. `back`: from the level's pixels to the patch's.
-template <int Side>
-bool warp_patch(const Patch& patch, const Eigen::Matrix2f& back, float (&gray)[Side][Side]) {
-  constexpr float kMiddle = 0.5f * (Side - 1);
-  const cv::Mat seen(Patch::kSide, Patch::kSide, CV_8UC1, const_cast<uchar*>(patch.gray.data()));
-  for (int v = 0; v < Side; ++v)
-    for (int u = 0; u < Side; ++u) {
+inline std::optional<stillpoint::detail::Patch> warp_patch(const Patch& patch,
+                                                           const Eigen::Matrix2f& back) {
+  constexpr int kRim = stillpoint::detail::Patch::kSide + 2;
+  std::array<float, kRim * kRim> gray;
+  for (int v = 0, n = 0; v < kRim; ++v)
+    for (int u = 0; u < kRim; ++u, ++n) {
       const Eigen::Vector2f q =
-          back * Eigen::Vector2f(static_cast<float>(u) - kMiddle, static_cast<float>(v) - kMiddle);
+          back * Eigen::Vector2f(static_cast<float>(u) - 4.5f, static_cast<float>(v) - 4.5f);
       const float x = q.x() + 7.5f, y = q.y() + 7.5f;
-      if (!(x >= 0 && y >= 0 && x < Patch::kSide - 1 && y < Patch::kSide - 1)) return false;
-      gray[v][u] = gray_at(seen, x, y);
+      if (!(x >= 0 && y >= 0 && x < Patch::kSide - 1 && y < Patch::kSide - 1)) return std::nullopt;
+      gray[static_cast<std::size_t>(n)] = patch.gray_at(x, y);
     }
-  return true;
+  stillpoint::detail::Patch warped;
+  warped.set(&gray[kRim + 1], kRim);
+  return warped;
 }
 
 /// Lays a point's patch onto an image near an undistorted pixel and returns the place where it
 /// fits.
 ///
-/// The patch is rotated and scaled as the pose says; then place and brightness are fitted (inverse
-/// compositional Gauss-Newton on 8 x 8 pixels of the level). No value: it does not fit, or more
-/// than two pixels of the level away. Takes about 3 us.
+/// The patch is rotated and scaled as the pose says; then place and brightness are fitted. No
+/// value: it does not fit, or more than two pixels of the level away. Takes about 3 us.
 inline std::optional<Eigen::Vector2d> align_patch(const ImagePyramid& pyramid, const Camera& camera,
                                                   const Patch& patch,
                                                   const Eigen::Isometry3d& T_camera_world,
                                                   const Eigen::Vector3d& point,
                                                   const Eigen::Vector2d& pixel, int level) {
-  constexpr int kSide = 8, kRim = kSide + 2;
   if (patch.empty() || level < 0 || level >= pyramid.levels()) return std::nullopt;
   const auto warp = patch_warp(camera, patch, T_camera_world, point, pyramid.scale(level));
-  float gray[kRim][kRim];  // the template, with a pixel around it for its slopes
-  if (!warp || !warp_patch(patch, warp->inverse().cast<float>(), gray)) return std::nullopt;
-  float slope_x[kSide * kSide], slope_y[kSide * kSide], value[kSide * kSide];
-  Eigen::Matrix3f H = Eigen::Matrix3f::Zero();
-  for (int v = 0, n = 0; v < kSide; ++v)
-    for (int u = 0; u < kSide; ++u, ++n) {
-      slope_x[n] = 0.5f * (gray[v + 1][u + 2] - gray[v + 1][u]);
-      slope_y[n] = 0.5f * (gray[v + 2][u + 1] - gray[v][u + 1]);
-      value[n] = gray[v + 1][u + 1];
-      const Eigen::Vector3f j(slope_x[n], slope_y[n], 1);
-      H += j * j.transpose();
-    }
-  Eigen::Matrix3f inverse;
-  bool invertible = false;
-  H.computeInverseWithCheck(inverse, invertible, 1e-3f);
-  if (!invertible) return std::nullopt;
-
-  const cv::Mat& image = pyramid.image(level);
+  if (!warp) return std::nullopt;
+  const auto warped = warp_patch(patch, warp->inverse().cast<float>());
+  if (!warped) return std::nullopt;
   const Eigen::Vector2f start = pyramid.to_level(distort_pixel(camera, pixel), level).cast<float>();
-  Eigen::Vector2f place = start;
-  float brightness = 0;
-  for (int iteration = 0; iteration < 10; ++iteration) {
-    if (!(place.x() > 5 && place.y() > 5 && place.x() < static_cast<float>(image.cols - 6) &&
-          place.y() < static_cast<float>(image.rows - 6)))
-      return std::nullopt;
-    // All pixels share the fractions between pixels.
-    const float x0 = place.x() - 3.5f, y0 = place.y() - 3.5f;
-    const int ix = static_cast<int>(x0), iy = static_cast<int>(y0);
-    const float a = x0 - static_cast<float>(ix), b = y0 - static_cast<float>(iy);
-    const float w00 = (1 - a) * (1 - b), w01 = a * (1 - b), w10 = (1 - a) * b, w11 = a * b;
-    float gx = 0, gy = 0, g1 = 0, squares = 0;
-    for (int v = 0, n = 0; v < kSide; ++v) {
-      const uchar* above = image.ptr<uchar>(iy + v) + ix;
-      const uchar* below = image.ptr<uchar>(iy + v + 1) + ix;
-      for (int u = 0; u < kSide; ++u, ++n) {
-        const float r = w00 * above[u] + w01 * above[u + 1] + w10 * below[u] + w11 * below[u + 1] -
-                        value[n] + brightness;
-        gx -= r * slope_x[n], gy -= r * slope_y[n], g1 -= r;
-        squares += r * r;
-      }
-    }
-    const Eigen::Vector3f delta = inverse * Eigen::Vector3f(gx, gy, g1);
-    place += delta.head<2>();
-    brightness += delta.z();
-    if (delta.head<2>().squaredNorm() > 0.03f * 0.03f) continue;
-    constexpr float kMaxResidual = 15;
-    if (squares > kMaxResidual * kMaxResidual * kSide * kSide || (place - start).norm() > 2)
-      return std::nullopt;
-    return undistort_pixel(camera, pyramid.from_level(place.cast<double>(), level));
-  }
-  return std::nullopt;
+  // The middle of its 8 x 8 pixels.
+  float x = start.x() - 3.5f, y = start.y() - 3.5f;
+  if (!warped->align(pyramid.image(level), 0.03f, x, y)) return std::nullopt;
+  const Eigen::Vector2f place(x + 3.5f, y + 3.5f);
+  if ((place - start).norm() > 2) return std::nullopt;
+  return undistort_pixel(camera, pyramid.from_level(place.cast<double>(), level));
 }
 
 }  // namespace stillpoint::rgbd_slam

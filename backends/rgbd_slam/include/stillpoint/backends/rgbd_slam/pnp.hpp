@@ -27,7 +27,7 @@ inline std::optional<Eigen::Isometry3d> solve_pnp_ransac(const Camera& camera,
     points.emplace_back(o.point.x(), o.point.y(), o.point.z());
     pixels.emplace_back(o.pixel.x(), o.pixel.y());
   }
-  cv::Mat rvec, tvec;
+  cv::Vec3d rvec, tvec;
   std::vector<int> inliers;
   try {
     if (!cv::solvePnPRansac(points, pixels, camera.matrix(), cv::noArray(), rvec, tvec, false,
@@ -38,13 +38,9 @@ inline std::optional<Eigen::Isometry3d> solve_pnp_ransac(const Camera& camera,
     return std::nullopt;  // degenerate points: no pose
   }
   if (static_cast<int>(inliers.size()) < min_inliers) return std::nullopt;
-  cv::Mat rotation;
-  cv::Rodrigues(rvec, rotation);
-  Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
-  for (int r = 0; r < 3; ++r) {
-    for (int c = 0; c < 3; ++c) T.linear()(r, c) = rotation.at<double>(r, c);
-    T.translation()[r] = tvec.at<double>(r);
-  }
+  const Eigen::Vector3d rotation(rvec.val), translation(tvec.val);
+  Eigen::Isometry3d T = Eigen::Translation3d(translation) *
+                        Eigen::AngleAxisd(rotation.norm(), rotation.stableNormalized());
   if (!T.matrix().allFinite()) return std::nullopt;
   std::vector<PoseObservation> good;
   for (const int i : inliers) good.push_back(observations[static_cast<std::size_t>(i)]);

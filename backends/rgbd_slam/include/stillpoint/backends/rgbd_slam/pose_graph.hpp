@@ -4,9 +4,7 @@
 #include <ceres/ceres.h>
 
 #include <Eigen/Geometry>
-#include <cstddef>
 #include <map>
-#include <memory>
 #include <vector>
 
 #include "stillpoint/backends/rgbd_slam/bundle_adjustment.hpp"
@@ -17,12 +15,15 @@ namespace stillpoint::rgbd_slam {
 struct PoseGraphEdge {
   KeyframeId first, second;
   Eigen::Isometry3d T_first_second;
+  double weight = 1;
 };
 
 /// Difference between an edge and the poses of its ends: translation in centimetres, rotation in
 /// hundredths of a radian, so that both weigh alike at the depth of a room.
 struct PoseGraphCost {
-  explicit PoseGraphCost(const Eigen::Isometry3d& T) : q(T.linear()), t(T.translation()) {}
+  Eigen::Quaterniond q;
+  Eigen::Vector3d t;
+  double weight;
 
   template <class T>
   bool operator()(const T* q1, const T* t1, const T* q2, const T* t2, T* residuals) const {
@@ -34,13 +35,10 @@ struct PoseGraphCost {
     const Vector translation = T1 - relative * T2;
     const Quaternion rotation = q.cast<T>().conjugate() * relative;
     Eigen::Map<Vector> rt(residuals), rr(residuals + 3);
-    rt = (translation - t.cast<T>()) * T(100);
-    rr = rotation.vec() * T(rotation.w() < T(0) ? -200 : 200);
+    rt = (translation - t.cast<T>()) * T(100 * weight);
+    rr = rotation.vec() * T((rotation.w() < T(0) ? -200 : 200) * weight);
     return true;
   }
-
-  Eigen::Quaterniond q;
-  Eigen::Vector3d t;
 };
 
 /// Moves the poses (T_camera_world by keyframe) so that all edges fit as well as they can; `fixed`
@@ -48,19 +46,17 @@ struct PoseGraphCost {
 inline bool optimize_pose_graph(std::map<KeyframeId, Eigen::Isometry3d>& poses,
                                 const std::vector<PoseGraphEdge>& edges, KeyframeId fixed,
                                 int max_iterations = 30) {
-  if (edges.empty() || poses.size() < 2) return false;
   std::map<KeyframeId, PoseBlock> blocks;
   ceres::Problem problem;
-  for (const auto& [id, T] : poses) {
-    PoseBlock& b = blocks[id];
-    b = PoseBlock(id, T, id == fixed);
-    add_pose(problem, b);
-  }
+  for (const auto& [id, T] : poses)
+    add_pose(problem, blocks.try_emplace(id, id, T, id == fixed).first->second);
   for (const PoseGraphEdge& e : edges) {
     PoseBlock &a = blocks.at(e.first), &b = blocks.at(e.second);
-    problem.AddResidualBlock(new ceres::AutoDiffCostFunction<PoseGraphCost, 6, 4, 3, 4, 3>(
-                                 new PoseGraphCost(e.T_first_second)),
-                             nullptr, a.q.data(), a.t.data(), b.q.data(), b.t.data());
+    const Eigen::Isometry3d& T = e.T_first_second;
+    problem.AddResidualBlock(
+        new ceres::AutoDiffCostFunction<PoseGraphCost, 6, 4, 3, 4, 3>(
+            new PoseGraphCost{Eigen::Quaterniond(T.linear()), T.translation(), e.weight}),
+        nullptr, a.q.coeffs().data(), a.t.data(), b.q.coeffs().data(), b.t.data());
   }
   ceres::Solver::Summary summary;
   ceres::Solve(deterministic_options(ceres::SPARSE_NORMAL_CHOLESKY, max_iterations), &problem,

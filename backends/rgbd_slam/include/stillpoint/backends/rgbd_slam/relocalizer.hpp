@@ -18,7 +18,7 @@ namespace stillpoint::rgbd_slam {
 inline std::vector<Descriptor> place_descriptors(const Keyframe& keyframe) {
   std::vector<Descriptor> descriptors;
   for (std::size_t i = 0; i < keyframe.points.size(); ++i)
-    if (keyframe.points[i] != kNone) descriptors.push_back(keyframe.frame.descriptors[i]);
+    if (keyframe.points[i]) descriptors.push_back(keyframe.frame.descriptors[i]);
   return descriptors;
 }
 
@@ -35,26 +35,17 @@ inline int find_pose_at_place(const CameraModel& model, const Map& map, Keyframe
   for (const PointId id : ids) known.push_back(map.point(id)->descriptor);
 
   std::vector<PoseObservation> observations;
-  std::vector<PointId> matched;
-  for (const DescriptorMatch& m : match_all(f.frame.descriptors, known, {60, 0.9})) {
-    const PointId id = ids[static_cast<std::size_t>(m.second)];
-    observations.push_back(
-        pose_observation(model, f.frame.keypoints[static_cast<std::size_t>(m.first)],
-                         static_cast<std::size_t>(m.first), map.point(id)->position));
-    matched.push_back(id);
-  }
+  for (const auto& [keypoint, known_index] : match_all(f.frame.descriptors, known, {60, 0.9}))
+    observations.push_back(pose_observation(model, f.frame.keypoints[keypoint], keypoint,
+                                            map.point(ids[known_index])->position));
   const auto T =
       solve_pnp_ransac(model.camera, model.noise, observations, std::max(8, min_inliers / 2));
   if (!T) return 0;
   f.T_camera_world = *T;
-  f.points.assign(f.frame.size(), kNone);
-  for (std::size_t i = 0; i < observations.size(); ++i)
-    if (observations[i].inlier)
-      f.points[static_cast<std::size_t>(observations[i].index)] = matched[i];
   int inliers = 0;
   const LocalMap local = gather_local_map(map, map.keyframe(place)->points, 20);
   for (const double radius_px : {10.0, 4.0}) {
-    f.points.assign(f.frame.size(), kNone);
+    f.points.assign(f.frame.size(), PointId());
     match_projections(model, map, local.points, radius_px, f);
     inliers = refine_pose(model, map, f);
     if (inliers < min_inliers) return 0;

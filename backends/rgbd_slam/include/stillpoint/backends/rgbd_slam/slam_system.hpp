@@ -3,16 +3,18 @@
 
 #include <Eigen/Geometry>
 #include <atomic>
+#include <chrono>
 #include <cstddef>
-#include <exception>
+#include <deque>
+#include <future>
 #include <memory>
 #include <mutex>
 #include <opencv2/core.hpp>
 #include <optional>
-#include <string>
 #include <utility>
 #include <vector>
 
+#include "stillpoint/backends/rgbd_slam/fair_mutex.hpp"
 #include "stillpoint/backends/rgbd_slam/features.hpp"
 #include "stillpoint/backends/rgbd_slam/image_pyramid.hpp"
 #include "stillpoint/backends/rgbd_slam/local_mapping.hpp"
@@ -20,9 +22,7 @@
 #include "stillpoint/backends/rgbd_slam/map.hpp"
 #include "stillpoint/backends/rgbd_slam/map_tracking.hpp"
 #include "stillpoint/backends/rgbd_slam/place_index.hpp"
-#include "stillpoint/backends/rgbd_slam/threads.hpp"
 #include "stillpoint/backends/rgbd_slam/tracker_input.hpp"
-#include "stillpoint/core/error.hpp"
 #include "stillpoint/tracking/tracker.hpp"
 
 namespace stillpoint::rgbd_slam {
@@ -30,17 +30,12 @@ namespace stillpoint::rgbd_slam {
 /// RGB-D SLAM on static keypoints: tracking, local mapping, loop closing.
 ///
 /// Two modes: deterministic (the default: each keyframe is worked in before track() returns; the
-/// same input gives the same trajectory), and threaded (local mapping and loop closing in their own
-/// threads, track() stays fast). The world is the first tracked camera; poses of the first
-/// frames that followed people whom no mask covered are corrected later (StartReview).
-/// A frame that is lost has no pose; after relocalisation the trajectory goes on in the same frame
-/// of reference. Call it from one thread. Settings::odometry() makes a visual odometry of it.
+/// same input gives the same trajectory), and threaded (local mapping and loop closing in the
+/// background, track() stays fast). The world is the first tracked camera. A frame that is lost has
+/// no pose; after relocalisation the trajectory goes on in the same frame of reference. Call it
+/// from one thread. Settings::odometry() makes a visual odometry of it.
 ///
-/// Should mapping or loop closing fail (memory runs out), the caller gets an Error that says so,
-/// once: threaded, from the next call of extract(), track() or finish(), which has done nothing
-/// then and may be called again; else from track(), which has tracked the frame. The system stays
-/// usable: the map keeps what it had, only the work on that keyframe is missing. (Inside of a solve
-/// of Ceres itself, memory that runs out ends the process: Ceres calls std::terminate.)
+/// What the background work throws (memory runs out) the next track() or finish() throws.
 class SlamSystem final : public Tracker {
  public:
   struct Settings {
@@ -50,10 +45,11 @@ class SlamSystem final : public Tracker {
     MapTracking::Settings tracking;
     LocalMapping::Settings mapping;
     LoopClosing::Settings loops;
-    /// Old poses become better as the map does: with keyframes that are adjusted, by StartReview,
-    /// FrameRecord::settle() and finish().
+    /// Iterations of finish().
+    int final_iterations = 15;
+    /// Old poses become better as the map does: they move with keyframes that are adjusted.
     bool revise_poses = true;
-    /// Mapping and loop closing in threads of their own.
+    /// Mapping and loop closing in the background.
     bool threaded = false;
 
     /// Visual odometry: few keyframes are adjusted at once, no loops are closed, and what track()
@@ -77,20 +73,16 @@ class SlamSystem final : public Tracker {
     check_camera("SlamSystem", camera);
     if (!extractor_) extractor_ = std::make_unique<OrbExtractor>(settings.features);
     model_ = {camera, settings.noise, extractor_->levels(), extractor_->scale_factor()};
-    tracking_ = std::make_unique<MapTracking>(model_, settings.tracking);
-    mapping_ = std::make_unique<LocalMapping>(model_, settings.mapping);
-    loops_ = std::make_unique<LoopClosing>(model_, settings.loops);
-    if (!settings.threaded) return;
-    loop_worker_ = std::make_unique<Worker>([this](int id) { close_loops(id); });
-    mapping_worker_ = std::make_unique<Worker>([this](int id) {
-      build_map(id, mapping_worker_->waiting());
-      loop_worker_->push(id);
-    });
+    start_anew();
+  }
+
+  ~SlamSystem() override {
+    const std::lock_guard<FairMutex> guard(map_mutex_);
+    waiting_.clear();
   }
 
   const std::vector<cv::KeyPoint>& extract(const RgbdFrame& frame,
                                            const DynamicMask& mask) override {
-    rethrow();
     check_frame(frame);
     copy_gray(frame, gray_);
     try {
@@ -105,32 +97,26 @@ class SlamSystem final : public Tracker {
 
   std::optional<Eigen::Isometry3d> track(const RgbdFrame& frame, const DynamicMask&,
                                          const Selection& selection) override {
-    rethrow();
     check_track("SlamSystem", frame, gray_.size(), selection, features_);
+    const bool busy = in_background();
+    if (!busy) wait_for_background();  // throws what it threw
+    if (stats().restart_due) start_anew();
     KeypointFrame keypoints(frame, model_.camera, features_, selection.kept, model_.scale_factor,
                             settings_.depth);
-    pyramid_.build(gray_, model_.levels, model_.scale_factor);
-    const bool busy = mapping_worker_ && !mapping_worker_->idle();
+    gray_.convertTo(gray_float_, CV_32F);
+    pyramid_.build(gray_float_, model_.levels, model_.scale_factor);
     std::optional<Eigen::Isometry3d> pose;
-    KeyframeId made = kNone;
-    bool restart = false;
     {
       const std::lock_guard<FairMutex> guard(map_mutex_);
       if (tracking_->track(map_, index_, std::move(keypoints), pyramid_, busy))
         pose = tracking_->current().T_camera_world.inverse();
-      made = tracking_->new_keyframe();
-      restart = tracking_->stats().restart_due;
+      if (stats().keyframe) waiting_.push_back(tracking_->newest_keyframe());
+      hurry_ = busy && !waiting_.empty();
     }
-    if (restart) start_anew();
-    if (made != kNone) {
-      if (mapping_worker_) {
-        mapping_worker_->push(made);
-      } else {
-        const std::atomic<bool> never{false};
-        build_map(made, never);
-        close_loops(made);
-      }
-    }
+    if (!settings_.threaded)
+      build_map();
+    else if (!busy && !waiting_.empty())
+      background_ = std::async(std::launch::async, [this] { build_map(); });
     return pose;
   }
 
@@ -154,16 +140,19 @@ class SlamSystem final : public Tracker {
     return trajectory;
   }
 
-  /// Ends background work, adjusts the map as a whole once more, and refines the last frames on it.
+  /// Ends background work and adjusts the map as a whole once more.
   /// O(map): 0.1 to 0.3 s for 50 keyframes, 6 s for 400. Without new keyframes, nothing changes any
   /// more.
   void finish() override {
-    drain();
-    rethrow();
+    wait_for_background();
+    build_map();
     if (!settings_.revise_poses) return;
-    if (adjusted_to_ != map_.keyframe_end()) loops_->adjust_all(map_, mapping_mutex_, map_mutex_);
+    if (adjusted_to_ != map_.keyframe_end()) {
+      BundleProblem bundle = collect_bundle(map_, model_, map_.keyframe_ids());
+      if (solve_bundle(bundle, model_, settings_.final_iterations, nullptr, true))
+        apply_bundle(map_, bundle);
+    }
     adjusted_to_ = map_.keyframe_end();
-    tracking_->history().settle(model_, map_, map_mutex_, true);
   }
 
   const MapTracking::Stats& stats() const { return tracking_->stats(); }
@@ -186,88 +175,60 @@ class SlamSystem final : public Tracker {
   }
 
  private:
-  void build_map(KeyframeId id, const std::atomic<bool>& hurry) {
-    const std::lock_guard<std::mutex> guard(mapping_mutex_);
-    {
-      const std::lock_guard<FairMutex> map_guard(map_mutex_);
-      if (id >= map_.keyframe_end() || !map_.keyframe(id)) return;
-    }
-    name_errors("local mapping", id, [&] {
-      mapping_->process(map_, map_mutex_, index_, id, hurry);
-      if (!settings_.revise_poses) return;
-      tracking_->history().review_start(model_, map_, map_mutex_);
-      tracking_->history().settle(model_, map_, map_mutex_);
-    });
-  }
-
-  // Runs a step of the background work; what it throws comes as an Error that names the step.
-  template <class Step>
-  static void name_errors(const char* name, KeyframeId id, Step&& step) {
-    const auto failed = [&](const std::string& reason) {
-      return Error("SlamSystem: " + std::string(name) + " of keyframe " + std::to_string(id) +
-                   ": expected it to be worked into the map, found " + reason +
-                   "; tracking goes on in the map without what is missing");
-    };
-    try {
-      step();
-    } catch (const std::exception& e) {
-      throw failed(e.what());
-    } catch (...) {
-      throw failed("an exception of unknown type");
+  // Works the new keyframes into the map, one after the other.
+  void build_map() {
+    for (;;) {
+      KeyframeId id;
+      {
+        const std::lock_guard<FairMutex> guard(map_mutex_);
+        if (waiting_.empty()) return;
+        id = waiting_.front();
+        waiting_.pop_front();
+        hurry_ = !waiting_.empty();
+      }
+      mapping_->process(map_, map_mutex_, index_, id, hurry_);
+      loops_->process(map_, map_mutex_, index_, id);
     }
   }
 
-  // What background work threw since the last call.
-  void rethrow() {
-    if (mapping_worker_) mapping_worker_->rethrow();
-    if (loop_worker_) loop_worker_->rethrow();
+  bool in_background() const {
+    return background_.valid() &&
+           background_.wait_for(std::chrono::seconds(0)) != std::future_status::ready;
   }
 
-  void drain() {
-    if (mapping_worker_) mapping_worker_->drain();
-    if (loop_worker_) loop_worker_->drain();
+  void wait_for_background() {
+    if (background_.valid()) background_.get();
   }
 
-  void close_loops(KeyframeId id) {
-    {
-      const std::lock_guard<FairMutex> map_guard(map_mutex_);
-      if (id >= map_.keyframe_end()) return;
-    }
-    name_errors("loop closing", id,
-                [&] { loops_->process(map_, mapping_mutex_, map_mutex_, index_, id); });
-  }
-
-  // A map of a few keyframes that is not found again is worth less than a new start; its frames are
-  // lost frames then.
+  // Begins with an empty map. One of a few keyframes that is not found again is worth less; its
+  // frames are lost frames then.
   void start_anew() {
-    drain();
-    const std::lock_guard<std::mutex> guard(mapping_mutex_);
-    const std::lock_guard<FairMutex> map_guard(map_mutex_);
-    map_.clear();
-    adjusted_to_ = 0;
+    wait_for_background();
+    waiting_.clear();
+    map_ = Map();
     index_ = PlaceIndex();
-    tracking_->reset();
-    mapping_->reset();
-    loops_->reset();
+    adjusted_to_ = 0;
+    tracking_ = std::make_unique<MapTracking>(model_, settings_.tracking);
+    mapping_ = std::make_unique<LocalMapping>(model_, settings_.mapping);
+    loops_ = std::make_unique<LoopClosing>(model_, settings_.loops);
   }
 
   Settings settings_;
   CameraModel model_;
   std::unique_ptr<FeatureExtractor> extractor_;
-  cv::Mat gray_;
-  ImagePyramid pyramid_;
+  cv::Mat gray_, gray_float_;
+  ImagePyramid pyramid_;  // of gray_float_
   Features features_;
-  // Who works on the map holds the first; who only passes by, the second; both in this order.
-  std::mutex mapping_mutex_;
-  mutable FairMutex map_mutex_;
+  mutable FairMutex map_mutex_;  // of the map, the index, and what waits
   Map map_;
   PlaceIndex index_;
-  KeyframeId adjusted_to_ = 0;  // keyframe_end() when all of the map was adjusted last
+  std::size_t adjusted_to_ = 0;     // keyframe_end() when all of the map was adjusted last
+  std::deque<KeyframeId> waiting_;  // to be worked into the map
+  std::atomic<bool> hurry_{false};  // another one waits
   std::unique_ptr<MapTracking> tracking_;
   std::unique_ptr<LocalMapping> mapping_;
   std::unique_ptr<LoopClosing> loops_;
-  // Last: the threads end before what they work on. The mapper feeds the loop closer.
-  std::unique_ptr<Worker> loop_worker_, mapping_worker_;
+  std::future<void> background_;  // last: ends before what it works on
 };
 
 }  // namespace stillpoint::rgbd_slam

@@ -30,18 +30,18 @@ struct CameraModel {
   }
 };
 
-/// A frame that is being tracked: keypoints, the map point that each shows (or kNone), pose.
+/// A frame that is being tracked: keypoints, the map point that each shows (or none), pose.
 struct TrackedFrame {
   KeypointFrame frame;
   std::vector<PointId> points;
   Eigen::Isometry3d T_camera_world = Eigen::Isometry3d::Identity();
 
   TrackedFrame() = default;
-  explicit TrackedFrame(KeypointFrame f) : frame(std::move(f)), points(frame.size(), kNone) {}
+  explicit TrackedFrame(KeypointFrame f) : frame(std::move(f)), points(frame.size()) {}
 
   int matches() const {
     return static_cast<int>(points.size()) -
-           static_cast<int>(std::count(points.begin(), points.end(), kNone));
+           static_cast<int>(std::count(points.begin(), points.end(), PointId()));
   }
 };
 
@@ -79,7 +79,7 @@ inline int match_projections(const CameraModel& model, const Map& map,
                              const std::vector<PointId>& candidates, double radius_px,
                              TrackedFrame& f, std::vector<PointId>* in_view = nullptr) {
   int matched = 0;
-  std::vector<int> found;
+  std::vector<std::size_t> found;
   for (const PointId id : candidates) {
     const MapPoint* point = map.point(id);
     if (!point) continue;
@@ -87,10 +87,10 @@ inline int match_projections(const CameraModel& model, const Map& map,
     if (!projection) continue;
     if (in_view) in_view->push_back(id);
     const double scale = std::pow(model.scale_factor, std::clamp(projection->octave, 0, 4));
-    const int k = match_at(f.frame, *projection, radius_px * scale, point->descriptor,
-                           MatchLimits(), f.points, found);
-    if (k < 0) continue;
-    f.points[static_cast<std::size_t>(k)] = id;
+    const auto k = match_at(f.frame, *projection, radius_px * scale, point->descriptor,
+                            MatchLimits(), f.points, found);
+    if (!k) continue;
+    f.points[*k] = id;
     ++matched;
   }
   return matched;
@@ -104,7 +104,7 @@ inline PoseObservation pose_observation(const CameraModel& model, const FrameKey
   o.pixel = k.pixel();
   o.inverse_depth = k.depth_m > 0 ? 1.0 / k.depth_m : 0;
   o.sigma_px = model.sigma_px(k);
-  o.index = static_cast<int>(index);
+  o.index = index;
   return o;
 }
 
@@ -117,7 +117,7 @@ inline std::vector<PoseObservation> pose_observations(const CameraModel& model, 
     if (const MapPoint* point = map.point(f.points[i]))
       observations.push_back(pose_observation(model, f.frame.keypoints[i], i, point->position));
     else
-      f.points[i] = kNone;
+      f.points[i] = PointId();
   return observations;
 }
 
@@ -130,7 +130,7 @@ inline int refine_pose(const CameraModel& model, const Map& map, TrackedFrame& f
   const int inliers =
       optimize_pose(model.camera, model.noise, observations, f.T_camera_world, start_gate);
   for (const PoseObservation& o : observations)
-    if (!o.inlier) f.points[static_cast<std::size_t>(o.index)] = kNone;
+    if (!o.inlier) f.points[o.index] = PointId();
   return inliers;
 }
 

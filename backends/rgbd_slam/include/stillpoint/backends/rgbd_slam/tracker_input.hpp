@@ -3,7 +3,6 @@
 
 #include <cmath>
 #include <cstddef>
-#include <initializer_list>
 #include <opencv2/core.hpp>
 #include <string>
 
