@@ -9,6 +9,7 @@
 #include <mutex>
 #include <thread>
 
+#include "stillpoint/core/rigid_motion.hpp"
 #include "stillpoint/front_end.hpp"
 #include "stillpoint/keypoints/feature_budget.hpp"
 #include "stillpoint/motion/constant_velocity.hpp"
@@ -153,7 +154,7 @@ void HostFrontEnd::correct_pose(double timestamp, const cv::Matx44d& T_world_cam
         "matrix; if the host is lost, call set_lost()");
   });
   // Hosts track in floats.
-  T.linear() = Eigen::Quaterniond(T.linear()).normalized().toRotationMatrix();
+  detail::normalize_rotation(T);
   a.velocity.add(timestamp, T);
   if (std::abs(timestamp - a.last_s) < kSameFrame_s) a.front_end.correct_pose(T);
   const std::lock_guard<std::mutex> lock(a.mutex);

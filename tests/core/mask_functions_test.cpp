@@ -93,7 +93,7 @@ TEST(MaskFunctions, ProbabilityFallsOffAroundTheMask) {
   EXPECT_NEAR(p.at<float>(12, 20), 0.25, 1e-6);
   EXPECT_EQ(p.at<float>(12, 21), 0);
   EXPECT_EQ(cv::countNonZero(dynamic_probability(mask, 0)), 8 * 6) << "no rim: the mask";
-  const std::vector<cv::Point2f> points{{12, 12},  {18.4f, 12}, {30, 12},
+  const std::vector<cv::Point2f> points{{12, 12},         {18.4f, 12}, {30, 12},
                                         {kNotANumber, 2}, {-1, 2},     {39.6f, 2}};
   const std::vector<float> at = dynamic_probability_at(points, mask, 4);
   EXPECT_EQ(at[0], 1);

@@ -13,7 +13,6 @@
 #include <vector>
 
 #include "stillpoint/backends/rgbd_slam/map.hpp"
-#include "stillpoint/backends/rgbd_slam/map_changes.hpp"
 #include "stillpoint/backends/rgbd_slam/tracked_frame.hpp"
 
 namespace stillpoint::rgbd_slam {
@@ -183,25 +182,16 @@ inline bool solve_bundle(BundleProblem& b, const CameraModel& model, int max_ite
   return true;
 }
 
-/// Writes a solved problem back and takes back the observations that do not fit. `global`: it was
-/// of the whole map; what came in meanwhile moves along.
-inline void apply_bundle(Map& map, const BundleProblem& b, bool global = false) {
-  std::map<KeyframeId, Eigen::Isometry3d> poses;
-  std::map<PointId, Eigen::Vector3d> points;
+/// Writes a solved problem back and takes back the observations that do not fit.
+inline void apply_bundle(Map& map, const BundleProblem& b) {
   for (const PoseBlock& pose : b.poses)
-    if (global || !pose.fixed) poses[pose.id] = pose.pose();
-  for (const BundleProblem::Point& point : b.points) points[point.id] = point.position;
-  if (global) {
-    move_map(map, poses, points);
-  } else {
-    for (const auto& [id, T] : poses) map.keyframe(id)->T_camera_world = T;
-    for (const auto& [id, position] : points)
-      if (MapPoint* p = map.point(id)) p->position = position;
-  }
+    if (!pose.fixed) map.keyframe(pose.id)->T_camera_world = pose.pose();
+  for (const BundleProblem::Point& point : b.points)
+    if (MapPoint* p = map.point(point.id)) p->position = point.position;
   for (const BundleProblem::Residual& r : b.residuals)
     if (!r.inlier) map.forget(b.points[r.point].id, b.poses[r.pose].id);
-  for (const PointId id : map.point_ids())
-    if (global || points.count(id)) map.refresh(*map.point(id));
+  for (const BundleProblem::Point& point : b.points)
+    if (MapPoint* p = map.point(point.id)) map.refresh(*p);
 }
 
 }  // namespace stillpoint::rgbd_slam

@@ -16,6 +16,7 @@
 #include "stillpoint/backends/rgbd_slam/place_index.hpp"
 #include "stillpoint/backends/rgbd_slam/pose_graph.hpp"
 #include "stillpoint/backends/rgbd_slam/relocalizer.hpp"
+#include "stillpoint/core/rigid_motion.hpp"
 
 namespace stillpoint::rgbd_slam {
 
@@ -115,7 +116,7 @@ class LoopClosing {
       const Eigen::Isometry3d off = f.T_camera_world * expected.inverse();
       ++asked;
       agreeing += inliers >= settings_.min_inliers / 2 && off.translation().norm() < 0.1 &&
-                  Eigen::AngleAxisd(off.linear()).angle() < 0.05;
+                  stillpoint::detail::rotation_angle(off.linear()) < 0.05;
     }
     return 2 * agreeing >= asked;
   }

@@ -44,10 +44,9 @@ inline void fuse_points(const CameraModel& model, Map& map, Keyframe& keyframe,
   }
 }
 
-/// Moves keyframes to new poses and points to new places; keyframes that are not named move with
-/// their parent, points that are not named with their reference keyframe. O(map).
-inline void move_map(Map& map, const std::map<KeyframeId, Eigen::Isometry3d>& poses,
-                     const std::map<PointId, Eigen::Vector3d>& points = {}) {
+/// Moves keyframes to new poses; those that are not named move with their parent, points with their
+/// reference keyframe. O(map).
+inline void move_map(Map& map, const std::map<KeyframeId, Eigen::Isometry3d>& poses) {
   std::vector<Eigen::Isometry3d> step(map.keyframe_end(), Eigen::Isometry3d::Identity());
   // Parents are older than their children. step = T_world'_camera T_camera_world: moves points.
   for (const KeyframeId id : map.keyframe_ids()) {
@@ -63,11 +62,7 @@ inline void move_map(Map& map, const std::map<KeyframeId, Eigen::Isometry3d>& po
   }
   for (const PointId id : map.point_ids()) {
     MapPoint* p = map.point(id);
-    const auto named = points.find(id);
-    if (named != points.end())
-      p->position = named->second;
-    else
-      p->position = step[p->reference.index()] * p->position;
+    p->position = step[p->reference.index()] * p->position;
   }
 }
 

@@ -9,6 +9,7 @@
 
 #include "stillpoint/core/camera.hpp"
 #include "stillpoint/core/normal_equations.hpp"
+#include "stillpoint/core/rigid_motion.hpp"
 #include "stillpoint/sensor/sensor_model.hpp"
 
 namespace stillpoint::rgbd_slam {
@@ -134,17 +135,13 @@ inline int optimize_pose(const Camera& camera, const NoiseModel& noise,
     for (int iteration = 0; iteration < 10; ++iteration) {
       const auto x = step(round < 3);
       if (!x) return 0;
-      const Eigen::Vector3d w = x->tail<3>();
-      T_camera_world = Eigen::Translation3d(x->head<3>()) *
-                       Eigen::AngleAxisd(w.norm(), w.stableNormalized()) * T_camera_world;
+      T_camera_world = stillpoint::detail::motion_of_step(*x) * T_camera_world;
       if (x->norm() < 1e-6) break;
     }
     inliers = select(1);
     if (inliers < 6) break;
   }
-  // Many products of rotations: keep the matrix orthonormal.
-  T_camera_world.linear() =
-      Eigen::Quaterniond(T_camera_world.linear()).normalized().toRotationMatrix();
+  stillpoint::detail::normalize_rotation(T_camera_world);
   return inliers;
 }
 
