@@ -54,7 +54,7 @@ class BasicFrontEnd {
       : settings_(settings),
         segmenter_(segmenter),
         camera_(camera),
-        ego_(ego_settings(settings)),
+        ego_(ego_settings(settings), settings.sensor),
         motion_(settings.motion, settings.sensor),
         blur_(settings.blur, camera),
         intake_(settings.dynamic_classes, settings.late, settings.compensation,

@@ -18,6 +18,7 @@
 #include "stillpoint/motion/flow_consensus.hpp"
 #include "stillpoint/motion/patch_shift.hpp"
 #include "stillpoint/motion/rotation_alignment.hpp"
+#include "stillpoint/sensor/sensor_model.hpp"
 
 namespace stillpoint {
 
@@ -36,6 +37,8 @@ class CameraMotion {
     /// Share of the followed area that agrees with it, 0 to 1.
     double support = 0;
   };
+
+  explicit CameraMotion(const SensorModel& sensor = {}) : sensor_(sensor) {}
 
   /// Forgets the last frame.
   void reset() {
@@ -196,6 +199,8 @@ class CameraMotion {
     f.depth_m = current_.whole_depth(depth, u, v, CornerImage::kFar);
     f.smooth = f.depth_m > 0;
     if (!f.smooth) f.depth_m = current_.whole_depth(depth, u, v, CornerImage::kNear);
+    // Of two measurements, the corner's in the last frame and this one.
+    f.depth_tolerance_m = std::sqrt(2.0f) * sensor_.least_step_m(f.depth_m);
     consensus_.add(f);
   }
 
@@ -246,6 +251,7 @@ class CameraMotion {
            std::abs(a.y - b.y) <= detail::Patch::kRadius;
   }
 
+  SensorModel sensor_;
   CornerImage last_, current_;
   Eigen::Isometry3d last_motion_ = Eigen::Isometry3d::Identity();
   double usual_support_ = 1;

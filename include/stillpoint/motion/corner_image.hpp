@@ -112,7 +112,7 @@ class CornerImage {
  private:
   static constexpr int kBlock = 5;                 // coarse pixels; one corner each
   static constexpr int kRim = Patch::kRadius + 2;  // coarse pixels; no corner there
-  static constexpr std::size_t kMaxCorners = 250;
+  static constexpr std::size_t kMaxCorners = 200;
   static constexpr float kMinScore = 2e-4f;
 
   void find_corners(const DepthView& view) {

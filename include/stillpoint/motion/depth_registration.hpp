@@ -41,7 +41,7 @@ class DepthRegistration {
   std::optional<Result> align(double timestamp, const DepthCells& cells, const FreeSpaceMap& map,
                               const Eigen::Isometry3d& prior, double rotation_sigma,
                               double translation_sigma_m) {
-    static constexpr std::array<double, 4> kAgesS = {1.6, 0.7, 0.25, 0.05};
+    static constexpr std::array<double, 3> kAgesS = {1.6, 0.5, 0.05};
     map.views_at(timestamp, kAgesS, views_);
     take_points(cells);
     Result result{prior, 0};
@@ -73,12 +73,12 @@ class DepthRegistration {
     float area;
   };
 
-  // Every third cell, and of those that are measured every second.
+  // Every fourth cell, and of those that are measured every second.
   void take_points(const DepthCells& cells) {
     points_.clear();
     bool take = false;
     for (int y = 0; y < cells.height; ++y)
-      for (int x = y % 3; x < cells.width; x += 3) {
+      for (int x = y % 4; x < cells.width; x += 4) {
         const std::size_t i = cells.index(x, y);
         const float z = cells.depth_m[i];
         if (!(z > 0)) continue;

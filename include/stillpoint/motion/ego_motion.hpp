@@ -14,6 +14,7 @@
 #include "stillpoint/core/rigid_motion.hpp"
 #include "stillpoint/core/status.hpp"
 #include "stillpoint/motion/camera_motion.hpp"
+#include "stillpoint/sensor/sensor_model.hpp"
 
 namespace stillpoint {
 
@@ -63,7 +64,11 @@ class EgoMotion {
  public:
   using Settings = EgoMotionSettings;
 
-  explicit EgoMotion(const Settings& settings = {}) : settings_(settings) { settings.check(); }
+  explicit EgoMotion(const Settings& settings = {}, const SensorModel& sensor = {})
+      : settings_(settings), camera_motion_(sensor) {
+    settings.check();
+    sensor.check();
+  }
 
   const Settings& settings() const { return settings_; }
 

@@ -18,12 +18,13 @@ namespace stillpoint::detail {
 
 /// A corner that was followed from the last frame into the new one.
 struct Flow {
-  Eigen::Vector3f from;  ///< in space, in the last frame's camera, metres
-  int x, y;              ///< in the last frame, pixels of its fine image
-  float u, v;            ///< in the new frame, raw pixels
-  float flat_u, flat_v;  ///< the same, undistorted
-  float depth_m;         ///< in the new frame; 0: not measured
-  float area;            ///< that it stands for in space
+  Eigen::Vector3f from;     ///< in space, in the last frame's camera, metres
+  int x, y;                 ///< in the last frame, pixels of its fine image
+  float u, v;               ///< in the new frame, raw pixels
+  float flat_u, flat_v;     ///< the same, undistorted
+  float depth_m;            ///< in the new frame; 0: not measured
+  float depth_tolerance_m;  ///< a greater difference from it is not noise
+  float area;               ///< that it stands for in space
   /// Information of the patch, scaled so that its greater eigenvalue is 1: e^T information e is the
   /// square of an error without its part along an edge, which the patch cannot tell.
   Eigen::Matrix2f information;
@@ -71,8 +72,8 @@ class FlowConsensus {
     for (const Block& b : blocks_) {
       const View seen = look(b, move);
       // 0 where a depth that is known speaks against it.
-      const Packet excess = (b.depth - seen.z).abs() - (0.03f + 0.012f * seen.z * seen.z);
-      agree += b.area * seen.nearness * (1 - (excess * b.has_depth * kHuge).max(0.0f)).max(0.0f);
+      const Packet excess = (b.depth - seen.z).abs() - b.depth_tolerance;
+      agree += b.area * seen.nearness * (1 - (excess * kHuge).max(0.0f)).max(0.0f);
       all += b.area;
     }
     const double total = sum(all);
@@ -109,12 +110,12 @@ class FlowConsensus {
   // Four flows in packets; places without a flow have no area.
   struct Block {
     Packet x = Packet::constant(0), y = x, z = Packet::constant(1);  // in space before
-    Packet u = x, v = x, depth = x, has_depth = x, area = x;
+    Packet u = x, v = x, depth = x, depth_tolerance = x, area = x;
 
     void set(std::size_t k, const Flow& f) {
       x[k] = f.from.x(), y[k] = f.from.y(), z[k] = f.from.z();
       u[k] = f.flat_u, v[k] = f.flat_v, depth[k] = f.depth_m, area[k] = f.area;
-      has_depth[k] = f.depth_m > 0 ? 1.0f : 0.0f;
+      depth_tolerance[k] = f.depth_m > 0 ? f.depth_tolerance_m : kHuge;
     }
   };
 
