@@ -309,7 +309,14 @@ TEST(Fuzz, TheFrontEndKeepsItsPromises) {
   std::uint64_t seed = first;
   for (; reached.frames < wanted; ++seed) {
     Fuzzer fuzzer(seed, reached);
-    for (int i = fuzzer.frames(); i > 0 && reached.frames < wanted; --i) fuzzer.step();
+    for (int i = fuzzer.frames(); i > 0 && reached.frames < wanted; --i) {
+      fuzzer.step();
+      if (reached.frames % 1000000 == 0) {  // an hour without a word looks like a hang
+        std::printf("%ld of %ld frames, seed %llu\n", reached.frames, wanted,
+                    static_cast<unsigned long long>(seed));
+        std::fflush(stdout);
+      }
+    }
     if (::testing::Test::HasFailure()) break;
   }
   ASSERT_FALSE(::testing::Test::HasFailure())

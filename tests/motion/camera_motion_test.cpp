@@ -116,6 +116,24 @@ TEST(CameraMotion, KeepsToTheWallAlthoughTheHostGoesWithAPersonCloseBy) {
   EXPECT_TRUE(motion.outlier_clusters(found->T_current_last, with_board, 0).empty());
 }
 
+TEST(CameraMotion, DoubtsADepthThatChangesByMoreThanTheSensorCanErr) {
+  RgbdFrame second = render(0.03, pose(0, 0, 0));
+  second.depth += 500;  // 10 cm, some 3 m away
+  SensorModel precise;
+  precise.depth_floor_m = precise.depth_slope = precise.depth_square = 0.0005;
+  for (const SensorModel& sensor : {SensorModel::kinect_v1(), precise}) {
+    CameraMotion motion(sensor);
+    add(motion, render(0, pose(0, 0, 0)), Eigen::Isometry3d::Identity());
+    add(motion, second, Eigen::Isometry3d::Identity());
+    const double support = motion.support(Eigen::Isometry3d::Identity());
+    if (sensor.depth_square == precise.depth_square) {
+      EXPECT_LT(support, 0.1);
+    } else {
+      EXPECT_GT(support, 0.8);
+    }
+  }
+}
+
 /// The same camera with more pixels.
 Camera enlarged(double factor) {
   Camera camera = small_camera();
