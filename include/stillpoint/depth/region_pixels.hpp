@@ -88,7 +88,7 @@ class RegionPixels {
       const std::uint16_t* z = depth.row(origin.y + y) + origin.x;
       uchar* out = mask.ptr<uchar>(y);
       for (int x = part.x; x < part.x + part.width; ++x)
-        out[x] = (z[x] >= first) & (z[x] <= last) ? 255 : 0;
+        out[x] = ((z[x] >= first) & (z[x] <= last)) ? 255 : 0;
     }
   }
 
