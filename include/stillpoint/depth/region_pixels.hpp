@@ -23,13 +23,18 @@ class RegionPixels {
   /// Writes the mask, CV_8UC1 of the size of `area`, the pixels of the cells used. O(pixels).
   void find(const RegionCells& cells, int cell_px, const Instance& instance, const cv::Rect& area,
             cv::Mat& mask) {
-    for (int y = 0; y < cells.used.height; ++y) add_row_of_cells(cells, y, cell_px, area, mask);
+    find_bounds(cells);
     const DepthView& depth = cells.depth();
-    if (!instance.mask.empty())
-      for (int y = 0; y < instance.box.height; ++y)
-        add_unmeasured(depth.row(instance.box.y + y) + instance.box.x, instance.mask.ptr<uchar>(y),
-                       instance.box.width,
-                       mask.ptr<uchar>(instance.box.y + y - area.y) + instance.box.x - area.x);
+    for (int y = 0; y < area.height; ++y) {
+      if (y % cell_px == 0) spread_row(y / cell_px, cell_px);
+      const std::uint16_t* z = depth.row(area.y + y) + area.x;
+      in_bounds(z, area.width, mask.ptr<uchar>(y));
+      const int in_box = area.y + y - instance.box.y;
+      if (instance.mask.empty() || in_box < 0 || in_box >= instance.box.height) continue;
+      const int x = instance.box.x - area.x;
+      add_unmeasured(z + x, instance.mask.ptr<uchar>(in_box), instance.box.width,
+                     mask.ptr<uchar>(y) + x);
+    }
     // At outlines cameras measure nothing.
     wide_.create(depth.size());
     cv::Mat wide = wide_(area);
@@ -40,67 +45,66 @@ class RegionPixels {
   }
 
  private:
-  void add_row_of_cells(const RegionCells& cells, int row, int cell_px, const cv::Rect& area,
-                        cv::Mat& mask) {
-    count_region(cells, row);
-    // Amid the region all pixels, measured or not, elsewhere none.
-    full_row_.assign(static_cast<std::size_t>(cells.used.width * cell_px), 0);
-    for (std::size_t x = 0; x < in_region_.size(); ++x)
-      if (in_region_[x] == 9)
-        std::fill_n(&full_row_[x * static_cast<std::size_t>(cell_px)], cell_px, uchar{255});
-    const int end = std::min((row + 1) * cell_px, area.height);
-    for (int y = row * cell_px; y < end; ++y)
-      std::copy_n(full_row_.begin(), area.width, mask.ptr<uchar>(y));
-    for (int x = 0; x < cells.used.width; ++x) {
-      const int in_region = in_region_[static_cast<std::size_t>(x)];
-      if (in_region == 0 || in_region == 9) continue;
-      const cv::Rect cell(x * cell_px, row * cell_px, cell_px, cell_px);
-      add_rim(cells, cells.used.tl() + cv::Point(x, row), cell & cv::Rect({}, area.size()),
-              area.tl(), mask);
+  static constexpr std::uint16_t kMost = 65535;
+
+  // The depths, in units, that pixels of each cell used may have: those of the cells of the region
+  // around it, and a little more.
+  void find_bounds(const RegionCells& cells) {
+    lo_.create(cells.used.size()), hi_.create(cells.used.size());
+    for (int y = 0; y < lo_.rows; ++y)
+      for (int x = 0; x < lo_.cols; ++x) {
+        const cv::Point cell = cells.used.tl() + cv::Point(x, y);
+        int in_region = 0;
+        float low = 1e9f, high = 0;
+        for (int v = cell.y - 1; v <= cell.y + 1; ++v) {
+          const CellState* state = cells.state_row(v) + cell.x;
+          const float* z = cells.z_row(v) + cell.x;
+          for (int u = -1; u <= 1; ++u) {
+            const bool in = state[u] == CellState::kRegion;
+            in_region += in;
+            low = std::min(low, in ? z[u] : 1e9f), high = std::max(high, in ? z[u] : 0);
+          }
+        }
+        lo_(y, x) = 1, hi_(y, x) = 0;  // no pixel
+        if (in_region == 9) {
+          lo_(y, x) = 0, hi_(y, x) = kMost;  // all, measured or not
+        } else if (in_region > 0) {
+          const float slack = 0.03f + 0.01f * low;
+          const int first = std::max(1, cells.depth().first_units(low - slack));
+          const int last = cells.depth().last_units(high + slack);
+          lo_(y, x) = static_cast<std::uint16_t>(first);
+          hi_(y, x) = static_cast<std::uint16_t>(std::max(first, last));
+        }
+      }
+  }
+
+  // The bounds of a row of cells, for each pixel.
+  void spread_row(int row, int cell_px) {
+    const std::size_t cell = static_cast<std::size_t>(cell_px);
+    lo_row_.resize(static_cast<std::size_t>(lo_.cols) * cell);
+    hi_row_.resize(lo_row_.size());
+    for (int x = 0; x < lo_.cols; ++x) {
+      const std::ptrdiff_t at = static_cast<std::ptrdiff_t>(x) * cell_px;
+      std::fill_n(lo_row_.begin() + at, cell, lo_(row, x));
+      std::fill_n(hi_row_.begin() + at, cell, hi_(row, x));
     }
   }
 
-  // How many of the nine cells around each cell of a row are of the region.
-  void count_region(const RegionCells& cells, int row) {
-    in_region_.assign(static_cast<std::size_t>(cells.used.width), 0);
-    for (int y = cells.used.y + row - 1; y <= cells.used.y + row + 1; ++y) {
-      const CellState* state = cells.state_row(y) + cells.used.x;
-      for (std::size_t x = 0; x < in_region_.size(); ++x, ++state)
-        for (const int beside : {-1, 0, 1})
-          in_region_[x] = static_cast<uchar>(in_region_[x] + (state[beside] == CellState::kRegion));
-    }
+  // Without branches, as loops of vector instructions.
+  void in_bounds(const std::uint16_t* z, int n, uchar* STILLPOINT_RESTRICT out) const {
+    const std::uint16_t *lo = lo_row_.data(), *hi = hi_row_.data();
+    for (int x = 0; x < n; ++x) out[x] = ((z[x] >= lo[x]) & (z[x] <= hi[x])) ? 255 : 0;
   }
 
-  // The pixels of a cell, `part` of the mask, whose depth the cells of the region around it have,
-  // or nearly so.
-  static void add_rim(const RegionCells& cells, const cv::Point& cell, const cv::Rect& part,
-                      const cv::Point& origin, cv::Mat& mask) {
-    float low = 1e9f, high = 0;
-    for (int y = cell.y - 1; y <= cell.y + 1; ++y)
-      for (int x = cell.x - 1; x <= cell.x + 1; ++x)
-        if (cells.state({x, y}) == CellState::kRegion)
-          low = std::min(low, cells.z({x, y})), high = std::max(high, cells.z({x, y}));
-    const DepthView& depth = cells.depth();
-    const float slack = 0.03f + 0.01f * low;
-    const int first = std::max(1, depth.first_units(low - slack));
-    const int last = std::max(first, depth.last_units(high + slack));
-    for (int y = part.y; y < part.y + part.height; ++y) {
-      const std::uint16_t* z = depth.row(origin.y + y) + origin.x;
-      uchar* out = mask.ptr<uchar>(y);
-      for (int x = part.x; x < part.x + part.width; ++x)
-        out[x] = ((z[x] >= first) & (z[x] <= last)) ? 255 : 0;
-    }
-  }
-
-  // Adds the pixels of `among` that have no depth. Without branches, as vector instructions.
+  // Adds the pixels of `among` that have no depth.
   static void add_unmeasured(const std::uint16_t* z, const uchar* among, int n,
                              uchar* STILLPOINT_RESTRICT out) {
     for (int x = 0; x < n; ++x) out[x] = ((z[x] == 0) & (among[x] != 0)) ? 255 : out[x];
   }
 
-  std::vector<uchar> in_region_;  // of nine cells, in a row of cells
-  std::vector<uchar> full_row_;   // of pixels
-  cv::Mat_<uchar> wide_;          // of the image
+  cv::Mat_<std::uint16_t> lo_, hi_;  // of the cells used
+  std::vector<std::uint16_t> lo_row_, hi_row_;
+  cv::Mat_<uchar> wide_;  // of the image
 };
 
 }  // namespace stillpoint
