@@ -66,18 +66,13 @@ class CellLabels {
     const int b = block_px_, right = area.x + area.width, bottom = area.y + area.height;
     const int last_x = std::min((right + b - 1) / b, width_);
     const int last_y = std::min((bottom + b - 1) / b, height_);
-    std::vector<uchar> keep(static_cast<std::size_t>(area.width));
-    for (int y = area.y / b; y < last_y; ++y) {
-      std::fill(keep.begin(), keep.end(), uchar{255});
-      for (int x = area.x / b; x < last_x; ++x)
-        if (cells(y, x) != 0)
-          std::fill(keep.begin() + std::max(0, x * b - area.x),
-                    keep.begin() + std::min(area.width, (x + 1) * b - area.x), uchar{0});
-      for (int v = std::max(area.y, y * b); v < std::min(bottom, (y + 1) * b); ++v) {
-        uchar* row = mask.ptr<uchar>(v - area.y);
-        for (std::size_t u = 0; u < keep.size(); ++u) row[u] &= keep[u];
+    for (int y = area.y / b; y < last_y; ++y)
+      for (int x = area.x / b; x < last_x; ++x) {
+        const int first = x;
+        while (x < last_x && cells(y, x) != 0) ++x;
+        if (x > first)
+          mask((cv::Rect(first * b, y * b, (x - first) * b, b) & area) - area.tl()).setTo(0);
       }
-    }
   }
 
  private:

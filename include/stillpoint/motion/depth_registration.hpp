@@ -37,7 +37,7 @@ class DepthRegistration {
   };
 
   /// `prior`: the predicted pose, and its standard deviations. No value where too few cells can be
-  /// compared. O(cells x 12).
+  /// compared. O(cells).
   std::optional<Result> align(double timestamp, const DepthCells& cells, const FreeSpaceMap& map,
                               const Eigen::Isometry3d& prior, double rotation_sigma,
                               double translation_sigma_m) {
