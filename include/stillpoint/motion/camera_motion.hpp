@@ -131,7 +131,8 @@ class CameraMotion {
   using Flow = detail::Flow;
 
   static constexpr double kMinSupport = 0.3, kUsual = 0.95;
-  static constexpr double kSure = 0.5;           // no doubt that the corners were found again
+  static constexpr double kSure = 0.5;  // no doubt that the corners were found again
+  static constexpr double kPlainShare = 0.4;
   static constexpr double kNearPx = 2;           // fine ones: corners are found again from there
   static constexpr float kLeastOutlier = 0.65f;  // fine pixels
   static constexpr float kClusterM = 0.3f;
@@ -166,9 +167,24 @@ class CameraMotion {
     const double s = consensus_.search(found.T_current_last, another, kUsual * usual_support_);
     if (s < kMinSupport) return std::nullopt;
     found.support = s;
+    if (s < kSure) {
+      const Estimate plain = plain_motion(guess);
+      if (plain.support > kPlainShare * s) return plain;
+    }
     if (!consensus_.allows_blur())
       usual_support_ += (s - usual_support_) * (s > usual_support_ ? 0.5 : 0.1);
     return found;
+  }
+
+  // People who fill the image and walk alike agree on a motion, too. Before half of the area is
+  // behind one, what was expected, or rest, is more likely where it has some support of its own.
+  Estimate plain_motion(const Eigen::Isometry3d& expected) const {
+    Estimate best;
+    for (Eigen::Isometry3d T : {expected, Eigen::Isometry3d::Identity()}) {
+      const double support = consensus_.refine(T);
+      if (support > best.support) best = {T, support};
+    }
+    return best;
   }
 
   void follow_all(const DepthView& depth, const Eigen::Isometry3d& guess) {

@@ -80,6 +80,11 @@ class FlowConsensus {
     return total > 0 ? sum(agree) / total : 0;
   }
 
+  /// Steps from a motion to the one nearby with the most support, and returns that.
+  double refine(Eigen::Isometry3d& T) const {
+    return flows_.size() < kMinFlows ? 0 : improve(T, 6);
+  }
+
   /// Turns the guess T into the motion with the most support, and returns that: steps from the
   /// guess and from `another` and, unless one of these has `enough`, from three flows at a time.
   double search(Eigen::Isometry3d& T, Eigen::Isometry3d another, double enough) const {
