@@ -101,12 +101,16 @@ class DenseMap {
     if (voxels_.size() > settings_.max_voxels) shrink();
   }
 
-  /// The voxels that at least `min_count` frames saw, in order of first sight. O(voxels).
+  /// The voxels that at least `min_count` frames saw, in order of first sight. O(n log n).
   std::vector<ColoredPoint> points(std::uint32_t min_count = 1) const {
+    std::vector<Voxel> seen;
+    for (const Voxel& v : voxels_)
+      if (v.frames >= min_count) seen.push_back(v);
+    std::sort(seen.begin(), seen.end(),
+              [](const Voxel& a, const Voxel& b) { return a.number < b.number; });
     std::vector<ColoredPoint> points;
-    points.reserve(voxels_.size());
-    for (const Voxel& v : voxels_) {
-      if (v.frames < min_count) continue;
+    points.reserve(seen.size());
+    for (const Voxel& v : seen) {
       ColoredPoint p;
       p.position = v.position;
       for (int c = 0; c < 3; ++c) p.bgr[c] = cv::saturate_cast<uchar>(v.color[c]);
@@ -135,6 +139,7 @@ class DenseMap {
     cv::Vec3f color;
     std::uint32_t samples, frames, last_frame;
     std::uint32_t seen_through;
+    std::uint64_t number;  // in order of first sight
   };
 
   std::uint64_t key_of(const Eigen::Vector3f& p) const {
@@ -167,7 +172,7 @@ class DenseMap {
     const auto [entry, fresh] =
         index_.try_emplace(key_of(p), static_cast<std::uint32_t>(voxels_.size()));
     if (fresh) {
-      voxels_.push_back({entry->first, p, color, 1, 1, frames_, 0});
+      voxels_.push_back({entry->first, p, color, 1, 1, frames_, 0, next_number_++});
       return;
     }
     Voxel& v = voxels_[entry->second];
@@ -185,22 +190,22 @@ class DenseMap {
              const Eigen::Isometry3d& T_camera_world) {
     const Eigen::Isometry3f T = T_camera_world.cast<float>();
     const cv::Size size = frame.color.size();
-    std::size_t kept = 0;
-    for (std::size_t i = 0; i < voxels_.size(); ++i) {
+    const auto enough = static_cast<std::uint32_t>(std::max(1, settings_.carve_frames));
+    for (std::size_t i = 0; i < voxels_.size();) {
       if (sees_through(frame, camera, T * voxels_[i].position, size)) ++voxels_[i].seen_through;
-      if (voxels_[i].seen_through >=
-          static_cast<std::uint32_t>(std::max(1, settings_.carve_frames))) {
-        index_.erase(voxels_[i].key);
-        ++carved_;
+      if (voxels_[i].seen_through < enough) {
+        ++i;
         continue;
       }
-      if (kept != i) {
-        voxels_[kept] = voxels_[i];
-        index_[voxels_[kept].key] = static_cast<std::uint32_t>(kept);
+      // The last one takes its place.
+      index_.erase(voxels_[i].key);
+      ++carved_;
+      if (i + 1 < voxels_.size()) {
+        voxels_[i] = voxels_.back();
+        index_[voxels_[i].key] = static_cast<std::uint32_t>(i);
       }
-      ++kept;
+      voxels_.pop_back();
     }
-    voxels_.resize(kept);
   }
 
   bool sees_through(const RgbdFrame& frame, const Camera& camera, const Eigen::Vector3f& p,
@@ -268,12 +273,12 @@ class DenseMap {
   }
 
   Settings settings_;
-  // In order of first sight; the index is only ever asked, never walked.
   std::vector<Voxel> voxels_;
-  std::unordered_map<std::uint64_t, std::uint32_t> index_;
+  std::unordered_map<std::uint64_t, std::uint32_t> index_;  // only ever asked, never walked
   std::vector<Eigen::Vector2d> rays_;
   std::array<double, 11> rays_id_{};
   std::uint32_t frames_ = 0;
+  std::uint64_t next_number_ = 0;
   std::size_t carved_ = 0;
 };
 

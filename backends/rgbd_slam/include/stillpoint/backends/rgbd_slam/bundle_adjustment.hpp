@@ -77,24 +77,58 @@ struct BundleProblem {
   }
 };
 
-/// Reprojection (two rows, in sigmas) and inverse depth (one row; zero without depth).
-struct ReprojectionCost {
-  const Camera& camera;
-  const BundleProblem::Residual& seen;
-  bool use_depth;
+/// Reprojection (two rows, in sigmas) and inverse depth (one row; zero without depth). With its own
+/// derivatives: automatic ones take a quarter of the mapping's time.
+class ReprojectionCost final : public ceres::SizedCostFunction<3, 4, 3, 3> {
+ public:
+  ReprojectionCost(const Camera& camera, const BundleProblem::Residual& seen, bool use_depth)
+      : camera_(camera), seen_(seen), use_depth_(use_depth) {}
 
-  template <class T>
-  bool operator()(const T* q, const T* t, const T* point, T* residuals) const {
-    using Vector = Eigen::Matrix<T, 3, 1>;
-    const Vector p = Eigen::Map<const Eigen::Quaternion<T>>(q) * Eigen::Map<const Vector>(point) +
-                     Eigen::Map<const Vector>(t);
-    // A point that a step took behind the camera counts as a far miss.
-    const T inverse_z = 1.0 / (p.z() > 0.02 ? p.z() : T(0.02));
-    residuals[0] = (camera.fx * p.x() * inverse_z + camera.cx - seen.pixel.x()) / seen.sigma_px;
-    residuals[1] = (camera.fy * p.y() * inverse_z + camera.cy - seen.pixel.y()) / seen.sigma_px;
-    residuals[2] = use_depth ? (inverse_z - seen.inverse_depth) / seen.sigma_inverse_depth : T(0);
+  bool Evaluate(double const* const* parameters, double* residuals,
+                double** jacobians) const override {
+    const Eigen::Map<const Eigen::Quaterniond> q(parameters[0]);
+    const Eigen::Map<const Eigen::Vector3d> t(parameters[1]), point(parameters[2]);
+    const Eigen::Matrix3d R = q.toRotationMatrix();
+    const Eigen::Vector3d p = R * point + t;
+    // A point that a step took behind the camera counts as a far miss, without a pull in depth.
+    const bool front = p.z() > 0.02;
+    const double iz = 1 / (front ? p.z() : 0.02);
+    const double per_px = 1 / seen_.sigma_px,
+                 per_depth = use_depth_ ? 1 / seen_.sigma_inverse_depth : 0;
+    const double fx = camera_.fx * per_px, fy = camera_.fy * per_px;
+    residuals[0] = fx * p.x() * iz + (camera_.cx - seen_.pixel.x()) * per_px;
+    residuals[1] = fy * p.y() * iz + (camera_.cy - seen_.pixel.y()) * per_px;
+    residuals[2] = (iz - seen_.inverse_depth) * per_depth;
+    if (!jacobians) return true;
+    using Block = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
+    const double iz2 = front ? iz * iz : 0;
+    Block by_p;
+    by_p << fx * iz, 0, -fx * p.x() * iz2, 0, fy * iz, -fy * p.y() * iz2, 0, 0, -iz2 * per_depth;
+    if (jacobians[0]) {
+      // Of q X q* by (x, y, z, w).
+      const Eigen::Vector3d v = q.vec(), X = point;
+      Eigen::Matrix<double, 3, 4> by_q;
+      by_q.leftCols<3>() = v.dot(X) * Eigen::Matrix3d::Identity() + v * X.transpose() -
+                           X * v.transpose() - q.w() * cross_matrix(X);
+      by_q.col(3) = q.w() * X + v.cross(X);
+      Eigen::Map<Eigen::Matrix<double, 3, 4, Eigen::RowMajor>> by_pose(jacobians[0]);
+      by_pose = 2 * by_p * by_q;
+    }
+    if (jacobians[1]) Eigen::Map<Block>(jacobians[1], 3, 3) = by_p;
+    if (jacobians[2]) Eigen::Map<Block>(jacobians[2], 3, 3) = by_p * R;
     return true;
   }
+
+ private:
+  static Eigen::Matrix3d cross_matrix(const Eigen::Vector3d& v) {
+    Eigen::Matrix3d m;
+    m << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
+    return m;
+  }
+
+  const Camera& camera_;
+  const BundleProblem::Residual& seen_;
+  bool use_depth_;
 };
 
 /// Copies the given keyframes, the points that they see, and, fixed, every other keyframe that sees
@@ -161,9 +195,8 @@ inline bool solve_bundle(BundleProblem& b, const CameraModel& model, int max_ite
     ordering->AddElementToGroup(pose.t.data(), 1);
   }
   for (const BundleProblem::Residual& r : b.residuals)
-    problem.AddResidualBlock(new ceres::AutoDiffCostFunction<ReprojectionCost, 3, 4, 3, 3>(
-                                 new ReprojectionCost{model.camera, r, depth_fits(r)}),
-                             &huber, b.poses[r.pose].q.coeffs().data(), b.poses[r.pose].t.data(),
+    problem.AddResidualBlock(new ReprojectionCost(model.camera, r, depth_fits(r)), &huber,
+                             b.poses[r.pose].q.coeffs().data(), b.poses[r.pose].t.data(),
                              b.points[r.point].position.data());
   ceres::Solver::Options options =
       deterministic_options(global ? ceres::SPARSE_SCHUR : ceres::DENSE_SCHUR, max_iterations);

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "stillpoint/backends/rgbd_slam/descriptor.hpp"
+#include "stillpoint/backends/rgbd_slam/image_pyramid.hpp"
 #include "stillpoint/backends/rgbd_slam/spread.hpp"
 #include "stillpoint/core/error.hpp"
 #include "stillpoint/core/frame.hpp"
@@ -39,10 +40,11 @@ class FeatureExtractor {
 
 /// ORB keypoints spread evenly over image and pyramid.
 ///
-/// cv::ORB finds all corners outside the dynamic mask, also weak ones. On each level of the pyramid
-/// the best of even cells are kept (`spread`), as many as the level's share of the budget allows.
-/// So all of the budget goes to the static area; it grows with what the mask hides, and what a
-/// level can't spend goes on to the next. Deterministic. One object serves one thread.
+/// On each level of the pyramid FAST finds all corners, also weak ones. Of those outside the
+/// dynamic mask the best of even cells are kept (`spread`), as many as the level's share of the
+/// budget allows, and only these are described by cv::ORB. So all of the budget goes to the static
+/// area; it grows with what the mask hides, and what a level can't spend goes on to the next.
+/// Deterministic. One object serves one thread.
 class OrbExtractor final : public FeatureExtractor {
  public:
   struct Settings {
@@ -76,8 +78,8 @@ class OrbExtractor final : public FeatureExtractor {
     require(settings.levels > 0 && settings.levels <= 16, "1 to 16 levels", settings.levels);
     require(settings.scale_factor > 1, "scale_factor > 1", settings.scale_factor);
     require(settings.fast_threshold > 0, "fast_threshold > 0", settings.fast_threshold);
-    orb_ = cv::ORB::create(kAllCorners, static_cast<float>(settings.scale_factor), settings.levels,
-                           kBorder, 0, 2, cv::ORB::FAST_SCORE, 31, settings.fast_threshold);
+    describer_ = cv::ORB::create(settings.features, 2.0f, 1, kBorder, 0, 2, cv::ORB::FAST_SCORE,
+                                 2 * kRadius + 1);
   }
 
   int levels() const override { return settings_.levels; }
@@ -95,31 +97,25 @@ class OrbExtractor final : public FeatureExtractor {
     });
     features.keypoints.clear();
     features.descriptors.clear();
-    if (std::min(gray.cols, gray.rows) <= 2 * kBorder) return;
-    orb_->detect(gray, corners_, static_part(mask));
+    const cv::Mat allowed = static_part(mask);
     const double ratio = 1 / settings_.scale_factor;
     // Share of level 0 such that the geometric row over all levels sums to the whole budget.
     const double share = (1 - ratio) / (1 - std::pow(ratio, settings_.levels));
     const double wanted = wanted_under(mask);
     double budget = 0;
-    for (int level = 0; level < settings_.levels; ++level) {
+    pyramid_.build(gray, settings_.levels, settings_.scale_factor);
+    for (int level = 0; level < pyramid_.levels(); ++level) {
       budget += wanted * share * std::pow(ratio, level);
-      level_.clear();
-      for (const cv::KeyPoint& k : corners_)
-        if (k.octave == level) level_.push_back(k);
-      spread(level_, static_cast<int>(budget + 0.5), gray.size());
-      budget -= static_cast<double>(level_.size());
-      features.keypoints.insert(features.keypoints.end(), level_.begin(), level_.end());
+      find_corners(pyramid_.image(level), allowed);
+      spread(corners_, static_cast<int>(budget + 0.5), pyramid_.image(level).size());
+      budget -= static_cast<double>(corners_.size());
+      describe(level, features);
     }
-    orb_->compute(gray, features.keypoints, rows_);
-    features.descriptors = descriptors_from_rows(rows_);
-    for (cv::KeyPoint& k : features.keypoints) k.pt = in_image(k, gray.size());
   }
 
  private:
-  static constexpr int kAllCorners = 1000000;
-  // Keeps the rotated corners of the described patch inside.
-  static constexpr int kBorder = 19;
+  // Of the described patch, and what keeps its rotated corners inside the image.
+  static constexpr int kRadius = 15, kBorder = 19;
 
   // Keypoints to look for under this mask.
   double wanted_under(const cv::Mat& mask) const {
@@ -138,20 +134,46 @@ class OrbExtractor final : public FeatureExtractor {
     return dilated == 0;
   }
 
-  // cv::ORB multiplies a pixel of a level by its scale. But the level's size is rounded, and the
-  // centres of pixels are at whole numbers.
-  cv::Point2f in_image(const cv::KeyPoint& k, cv::Size size) const {
-    const double scale = std::pow(settings_.scale_factor, k.octave);
-    const auto place = [&](float p, int whole) {
-      return static_cast<float>((p / scale + 0.5) * whole / cvRound(whole / scale) - 0.5);
-    };
-    return {place(k.pt.x, size.width), place(k.pt.y, size.height)};
+  void find_corners(const cv::Mat& image, const cv::Mat& allowed) {
+    cv::FAST(image, corners_, settings_.fast_threshold, true);
+    cv::KeyPointsFilter::runByImageBorder(corners_, image.size(), kBorder);
+    if (allowed.empty() || corners_.empty()) return;
+    cv::resize(allowed, allowed_here_, image.size(), 0, 0, cv::INTER_NEAREST);
+    cv::KeyPointsFilter::runByPixelsMask(corners_, allowed_here_);
+  }
+
+  void describe(int level, Features& features) {
+    if (corners_.empty()) return;
+    for (cv::KeyPoint& k : corners_) k.angle = orientation(pyramid_.image(level), k.pt);
+    describer_->compute(pyramid_.image(level), corners_, rows_);
+    for (const Descriptor& d : descriptors_from_rows(rows_)) features.descriptors.push_back(d);
+    for (cv::KeyPoint k : corners_) {
+      const Eigen::Vector2d p = pyramid_.from_level({k.pt.x, k.pt.y}, level);
+      k.pt = cv::Point2f(static_cast<float>(p.x()), static_cast<float>(p.y()));
+      k.octave = level;
+      k.size = static_cast<float>((2 * kRadius + 1) * pyramid_.scale(level));
+      features.keypoints.push_back(k);
+    }
+  }
+
+  // Direction from a corner to the centroid of brightness around it, degrees.
+  static float orientation(const cv::Mat& image, cv::Point2f corner) {
+    int by_x = 0, by_y = 0;
+    for (int v = -kRadius; v <= kRadius; ++v) {
+      const int width = cvRound(std::sqrt(kRadius * kRadius - v * v));
+      const uchar* pixel = image.ptr<uchar>(cvRound(corner.y) + v) + cvRound(corner.x);
+      int sum = 0;
+      for (int u = -width; u <= width; ++u) sum += pixel[u], by_x += u * pixel[u];
+      by_y += v * sum;
+    }
+    return cv::fastAtan2(static_cast<float>(by_y), static_cast<float>(by_x));
   }
 
   Settings settings_;
-  cv::Ptr<cv::ORB> orb_;
-  cv::Mat rows_;
-  std::vector<cv::KeyPoint> corners_, level_;
+  cv::Ptr<cv::ORB> describer_;
+  ImagePyramid pyramid_;
+  cv::Mat allowed_here_, rows_;
+  std::vector<cv::KeyPoint> corners_;
 };
 
 }  // namespace stillpoint::rgbd_slam

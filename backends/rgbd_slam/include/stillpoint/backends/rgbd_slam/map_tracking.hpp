@@ -57,6 +57,9 @@ class MapTracking {
     // A host without timestamps, or one whose clock was set back, still gets its keyframes.
     now_s_ += frame.timestamp > last_s_ ? frame.timestamp - last_s_ : 1.0 / 30;
     last_s_ = frame.timestamp;
+    std::vector<PointId> last_seen;
+    for (const PointId id : current_.points)
+      if (id) last_seen.push_back(id);
     current_ = TrackedFrame(std::move(frame));
     pyramid_ = &pyramid;
     after_keyframe_ = stats_.keyframe;
@@ -67,7 +70,7 @@ class MapTracking {
     if (map.keyframe_count() == 0) {
       ok = start(map);
     } else {
-      if (tracking_) ok = follow(map);
+      if (tracking_) ok = follow(map, last_seen);
       if (!ok) {
         stats_.inliers = relocalize(model_, map, index, settings_.min_relocalized, current_);
         ok = stats_.recovered = stats_.inliers > 0;
@@ -113,17 +116,18 @@ class MapTracking {
     return true;
   }
 
-  bool follow(Map& map) {
+  // First the points of the last frame; all of the local map only if these do not do.
+  bool follow(Map& map, const std::vector<PointId>& last_seen) {
     const Eigen::Isometry3d last = history_.last_pose(map);
     const Eigen::Isometry3d predicted = history_.motion_until(current_.frame.timestamp) * last;
-    match_from(map, predicted, 10);
+    match_from(map, last_seen, predicted, 10);
     if (stats_.inliers >= kSureInliers) return true;
     // The camera rotates faster or slower than before: search wider, around the prediction and the
     // last pose; the one with more inliers wins.
     Stats best = stats_;
     TrackedFrame found = current_;
     for (const Eigen::Isometry3d& from : {predicted, last}) {
-      match_from(map, from, 40);
+      match_from(map, local_.points, from, 40);
       if (stats_.inliers > best.inliers) best = stats_, found = current_;
     }
     stats_ = best;
@@ -132,10 +136,11 @@ class MapTracking {
   }
 
   // Fills stats_.matches and stats_.inliers.
-  void match_from(const Map& map, const Eigen::Isometry3d& T, double radius_px) {
+  void match_from(const Map& map, const std::vector<PointId>& candidates,
+                  const Eigen::Isometry3d& T, double radius_px) {
     current_.points.assign(current_.frame.size(), PointId());
     current_.T_camera_world = T;
-    stats_.matches = match_projections(model_, map, local_.points, radius_px, current_);
+    stats_.matches = match_projections(model_, map, candidates, radius_px, current_);
     stats_.inliers = 0;
     if (stats_.matches >= settings_.min_inliers)
       stats_.inliers = refine_pose(model_, map, current_);

@@ -48,13 +48,6 @@ struct NoiseModel {
 /// Errors at 95 % of a chi-square distribution: of a pixel (two numbers) and of a depth (one).
 inline constexpr double kPixelChi2 = 5.991, kDepthChi2 = 3.841;
 
-/// The matrix whose product with a vector is the cross product of both.
-inline Eigen::Matrix3d cross_matrix(const Eigen::Vector3d& v) {
-  Eigen::Matrix3d m;
-  m << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
-  return m;
-}
-
 /// How far an observation is from a pose.
 struct PoseError {
   /// The point in camera coordinates; if it is not in front, nothing else is set.
@@ -110,15 +103,15 @@ inline int optimize_pose(const Camera& camera, const NoiseModel& noise,
     Matrix6 H = Matrix6::Zero();
     Vector6 g = Vector6::Zero();
     for (const PoseObservation& o : observations) {
+      if (!o.inlier) continue;
       const PoseError e(camera, noise, o, T_camera_world);
-      if (!o.inlier || !e.front) continue;
-      const double iz = 1 / e.p.z(), iz2 = iz * iz;
-      Eigen::Matrix3d by_p;
-      by_p << camera.fx * iz, 0, -camera.fx * e.p.x() * iz2,  //
-          0, camera.fy * iz, -camera.fy * e.p.y() * iz2,      //
-          0, 0, -iz2;
+      if (!e.front) continue;
+      const double iz = 1 / e.p.z(), x = e.p.x() * iz, y = e.p.y() * iz;
+      const double fx = camera.fx, fy = camera.fy;
       Eigen::Matrix<double, 3, 6> J;
-      J << by_p, -by_p * cross_matrix(e.p);
+      J << fx * iz, 0, -fx * x * iz, -fx * x * y, fx * (1 + x * x), -fx * y,  //
+          0, fy * iz, -fy * y * iz, -fy * (1 + y * y), fy * x * y, fy * x,    //
+          0, 0, -iz * iz, -y * iz, x * iz, 0;
       const bool use_depth = o.inverse_depth > 0 && o.depth_inlier;
       const double pixel = weight(e.pixel_chi2, kPixelChi2);
       const double depth = use_depth ? weight(e.depth_chi2, kDepthChi2) : 0;
@@ -136,7 +129,7 @@ inline int optimize_pose(const Camera& camera, const NoiseModel& noise,
       const auto x = step(round < 3);
       if (!x) return 0;
       T_camera_world = stillpoint::detail::motion_of_step(*x) * T_camera_world;
-      if (x->norm() < 1e-6) break;
+      if (x->norm() < 1e-5) break;
     }
     inliers = select(1);
     if (inliers < 6) break;
