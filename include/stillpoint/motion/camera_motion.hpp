@@ -131,8 +131,8 @@ class CameraMotion {
   using Flow = detail::Flow;
 
   static constexpr double kMinSupport = 0.3, kUsual = 0.95;
-  static constexpr double kSure = 0.5;  // no doubt that the corners were found again
-  static constexpr double kPlainShare = 0.4;
+  static constexpr double kSure = 0.5;           // no doubt that the corners were found again
+  static constexpr double kPlainShare = 0.4;     // of the best support; see plain_motion()
   static constexpr double kNearPx = 2;           // fine ones: corners are found again from there
   static constexpr float kLeastOutlier = 0.65f;  // fine pixels
   static constexpr float kClusterM = 0.3f;
