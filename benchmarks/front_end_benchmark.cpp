@@ -7,7 +7,9 @@
 #include <ctime>
 
 #include "scene.hpp"
+#include "stillpoint/core/frame_context.hpp"
 #include "stillpoint/front_end.hpp"
+#include "stillpoint/objects/object_tracker.hpp"
 
 namespace stillpoint {
 namespace bench {

@@ -32,8 +32,8 @@ foreach(target IN LISTS targets)
           LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR} OPTIONAL
           RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} OPTIONAL)
   get_target_property(type ${target} TYPE)
-  if(type STREQUAL "SHARED_LIBRARY")
-    set(library ${CMAKE_SHARED_LIBRARY_PREFIX}${target}${CMAKE_SHARED_LIBRARY_SUFFIX})
+  if(type MATCHES "^(SHARED|STATIC)_LIBRARY$")
+    set(library ${CMAKE_${CMAKE_MATCH_1}_LIBRARY_PREFIX}${target}${CMAKE_${CMAKE_MATCH_1}_LIBRARY_SUFFIX})
     string(APPEND STILLPOINT_COMPONENT_RULES "set(_stillpoint_library_${component} \
 \"\${PACKAGE_PREFIX_DIR}/${CMAKE_INSTALL_LIBDIR}/${library}\")\n")
     install(CODE "if(NOT EXISTS \"$<TARGET_FILE:${target}>\")

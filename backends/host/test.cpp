@@ -3,6 +3,7 @@
 
 #include <cmath>
 #include <limits>
+#include <opencv2/imgproc.hpp>
 #include <stillpoint/backends/host.hpp>
 #include <stillpoint/front_end.hpp>
 #include <stillpoint/motion/constant_velocity.hpp>

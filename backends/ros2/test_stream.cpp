@@ -11,6 +11,7 @@
 #include <stillpoint/backends/ros2/camera_stream.hpp>
 #include <stillpoint/front_end.hpp>
 #include <stillpoint/io/mask_folder.hpp>
+#include <stillpoint/motion/ego_motion.hpp>
 #include <string>
 #include <thread>
 #include <vector>

@@ -5,6 +5,7 @@
 #include <utility>
 #include <vector>
 
+#include "stillpoint/depth/depth_mask_fuser.hpp"
 #include "stillpoint/front_end.hpp"
 #include "stillpoint/segmentation/segmenter.hpp"
 

@@ -12,6 +12,7 @@
 #include "../flat_scene.hpp"
 #include "room_camera.hpp"
 #include "stillpoint/front_end.hpp"
+#include "stillpoint/motion/ego_motion.hpp"
 
 namespace {
 

@@ -10,6 +10,9 @@
 #include "../flat_scene.hpp"
 #include "../io/temporary_folder.hpp"
 #include "stillpoint/core/random.hpp"
+#include "stillpoint/depth/depth_mask_fuser.hpp"
+#include "stillpoint/motion/blur_meter.hpp"
+#include "stillpoint/segmentation/segmentation_compensator.hpp"
 
 namespace {
 

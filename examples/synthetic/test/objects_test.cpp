@@ -13,6 +13,7 @@
 #include "stillpoint/evaluation/object_metrics.hpp"
 #include "stillpoint/front_end.hpp"
 #include "stillpoint/io/mask_folder.hpp"
+#include "stillpoint/motion/ego_motion.hpp"
 #include "synthetic/sequence.hpp"
 
 namespace stillpoint {

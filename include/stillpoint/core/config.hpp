@@ -9,3 +9,11 @@
 #else
 #define STILLPOINT_RESTRICT
 #endif
+
+/// Functions of a header whose code a program compiles itself, or, with STILLPOINT_COMPILED, has from
+/// the library stillpoint::compiled.
+#ifdef STILLPOINT_COMPILED
+#define STILLPOINT_INLINE
+#else
+#define STILLPOINT_INLINE inline
+#endif

@@ -18,22 +18,9 @@
 #include "stillpoint/core/config.hpp"
 #include "stillpoint/core/error.hpp"
 #include "stillpoint/core/frame_context.hpp"
+#include "stillpoint/motion/blur_meter_settings.hpp"
 
 namespace stillpoint {
-
-/// Settings of BlurMeter.
-struct BlurMeterSettings {
-  /// Exposure time, seconds. 0: the camera's (`exposure_ms` of its file); where it tells none, half
-  /// of its frame interval, 0.5 / fps.
-  double exposure_s = 0;
-
-  /// Throws Error if a setting makes no sense.
-  void check() const {
-    if (!(exposure_s >= 0 && exposure_s < 10))
-      throw Error("BlurMeterSettings.exposure_s: expected 0 to 10 s, found " +
-                  std::to_string(exposure_s));
-  }
-};
 
 /// Measures the motion blur of each image, in two ways that know nothing of each other.
 ///

@@ -19,25 +19,11 @@
 #include "stillpoint/motion/depth_registration.hpp"
 #include "stillpoint/motion/ego_motion.hpp"
 #include "stillpoint/motion/free_space_map.hpp"
+#include "stillpoint/motion/motion_check_settings.hpp"
 #include "stillpoint/motion/mover_detector.hpp"
 #include "stillpoint/sensor/sensor_model.hpp"
 
 namespace stillpoint {
-
-/// Settings of MotionCheck.
-struct MotionCheckSettings {
-  /// Side of a cell, an even number. 0: about 1/80 of the image's width.
-  int block_px = 0;
-  MoverDetectorSettings movers;
-
-  /// Throws Error if a setting makes no sense.
-  void check() const {
-    movers.check();
-    if (block_px < 0 || block_px > 64 || block_px % 2)
-      throw Error("MotionCheckSettings.block_px: expected an even number, 0 to 64, found " +
-                  std::to_string(block_px));
-  }
-};
 
 /// Finds what moves against the static world, without a network: whatever stands where earlier
 /// frames looked through has moved there.

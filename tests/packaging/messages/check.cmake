@@ -35,7 +35,7 @@ function(configure name succeeds)
 endfunction()
 
 configure(unknown OFF OPTIONS -DCOMPONENT=nonsense
-          EXPECTED "there is no component 'nonsense'; installed are: core io")
+          EXPECTED "there is no component 'nonsense'; installed are: core compiled io")
 configure(no_opencv OFF OPTIONS -DCOMPONENT=core -DCMAKE_DISABLE_FIND_PACKAGE_OpenCV=ON
           EXPECTED "component 'core' needs OpenCV core imgproc" "apt-get install libopencv-dev")
 # What several components lack is said once.
