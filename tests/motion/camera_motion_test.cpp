@@ -116,6 +116,30 @@ TEST(CameraMotion, KeepsToTheWallAlthoughTheHostGoesWithAPersonCloseBy) {
   EXPECT_TRUE(motion.outlier_clusters(found->T_current_last, with_board, 0).empty());
 }
 
+// A third of the corners is static, the others are on people; what was expected is off by more than
+// a corner's usual error.
+TEST(FlowConsensus, FindsTheMotionNearAnExpectedOne) {
+  detail::CornerImage now;
+  now.fx = now.fy = 500, now.cx = 320, now.cy = 240, now.scale = 2;
+  detail::FlowConsensus consensus;
+  consensus.begin(now);
+  RandomGenerator random(1);
+  const auto below = [&](int n) { return static_cast<float>(random.below(n)); };
+  for (int i = 0; i < 45; ++i) {
+    detail::Flow f{};
+    const float u = 20 + below(600), v = 20 + below(440), z = 2 + 0.01f * below(200);
+    f.from = z * Eigen::Vector3f((u - 320) / 500, (v - 240) / 500, 1);
+    const bool is_static = i % 3 == 0;
+    f.flat_u = is_static ? u : u + 10 + below(40), f.flat_v = is_static ? v : v + below(40);
+    f.area = 1;
+    consensus.add(f);
+  }
+  Eigen::Isometry3d motion(Eigen::AngleAxisd(0.0026, Eigen::Vector3d::UnitY()));  // 1.3 pixels
+  EXPECT_LT(consensus.support(motion), 0.05);
+  EXPECT_GT(consensus.refine(motion), 0.3);
+  EXPECT_TRUE(motion.isApprox(Eigen::Isometry3d::Identity(), 1e-4));
+}
+
 TEST(CameraMotion, DoubtsADepthThatChangesByMoreThanTheSensorCanErr) {
   RgbdFrame second = render(0.03, pose(0, 0, 0));
   second.depth += 500;  // 10 cm, some 3 m away

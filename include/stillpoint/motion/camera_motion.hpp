@@ -178,7 +178,7 @@ class CameraMotion {
 
   // People who fill the image and walk alike agree on a motion, too. Before half of the area is
   // behind one, what was expected, or rest, is more likely where it has some support of its own.
-  Estimate plain_motion(const Eigen::Isometry3d& expected) const {
+  Estimate plain_motion(const Eigen::Isometry3d& expected) {
     Estimate best;
     for (Eigen::Isometry3d T : {expected, Eigen::Isometry3d::Identity()}) {
       const double support = consensus_.refine(T);

@@ -80,9 +80,15 @@ class FlowConsensus {
     return total > 0 ? sum(agree) / total : 0;
   }
 
-  /// Steps from a motion to the one nearby with the most support, and returns that.
-  double refine(Eigen::Isometry3d& T) const {
-    return flows_.size() < kMinFlows ? 0 : improve(T, 6);
+  /// Steps from a motion that is nearly right to the one nearby with the most support, and returns
+  /// that.
+  double refine(Eigen::Isometry3d& T) {
+    if (flows_.size() < kMinFlows) return 0;
+    const float tolerance = tolerance_;
+    tolerate(kBlurredTolerance);
+    improve(T, 3);
+    tolerate(tolerance);
+    return improve(T, 6);
   }
 
   /// Turns the guess T into the motion with the most support, and returns that: steps from the
