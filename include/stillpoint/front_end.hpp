@@ -8,7 +8,6 @@
 #include <vector>
 
 #include "stillpoint/core/camera.hpp"
-#include "stillpoint/core/config.hpp"
 #include "stillpoint/core/frame.hpp"
 #include "stillpoint/core/frame_stats.hpp"
 #include "stillpoint/core/image_scale.hpp"

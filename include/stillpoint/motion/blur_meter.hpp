@@ -11,12 +11,10 @@
 #include <limits>
 #include <opencv2/core.hpp>
 #include <optional>
-#include <string>
 
 #include "stillpoint/core/blur.hpp"
 #include "stillpoint/core/camera.hpp"
 #include "stillpoint/core/config.hpp"
-#include "stillpoint/core/error.hpp"
 #include "stillpoint/core/frame_context.hpp"
 #include "stillpoint/motion/blur_meter_settings.hpp"
 

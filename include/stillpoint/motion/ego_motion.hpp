@@ -7,7 +7,6 @@
 #include <limits>
 #include <opencv2/core.hpp>
 #include <optional>
-#include <string>
 
 #include "stillpoint/core/error.hpp"
 #include "stillpoint/core/frame_context.hpp"

@@ -9,7 +9,6 @@
 #include <limits>
 #include <opencv2/core.hpp>
 #include <optional>
-#include <string>
 #include <vector>
 
 #include "stillpoint/core/error.hpp"

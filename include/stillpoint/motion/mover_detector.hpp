@@ -6,11 +6,9 @@
 #include <cstddef>
 #include <cstdint>
 #include <opencv2/core.hpp>
-#include <string>
 #include <vector>
 
 #include "stillpoint/core/cell_labels.hpp"
-#include "stillpoint/core/error.hpp"
 #include "stillpoint/core/instance.hpp"
 #include "stillpoint/core/mask_pool.hpp"
 #include "stillpoint/core/scratch.hpp"
