@@ -61,6 +61,8 @@ class CameraMotion {
     std::swap(last_, current_);
     begin(context);
     if (last_.empty || current_.empty || last_.size() != current_.size()) return std::nullopt;
+    // Not before it is known which of them are on people: these may have most of the corners.
+    last_.keep_strongest(kMostCorners);
     if (last_.corners.size() < detail::FlowConsensus::kMinFlows) return std::nullopt;
     const std::optional<Estimate> found = estimate(context.depth, guess);
     if (found) last_motion_ = found->T_current_last;
@@ -130,6 +132,7 @@ class CameraMotion {
   using CornerImage = detail::CornerImage;
   using Flow = detail::Flow;
 
+  static constexpr std::size_t kMostCorners = 200;
   static constexpr double kMinSupport = 0.3, kUsual = 0.95;
   static constexpr double kSure = 0.5;           // no doubt that the corners were found again
   static constexpr double kPlainShare = 0.4;     // of the best support; see plain_motion()

@@ -81,6 +81,17 @@ class CornerImage {
     find_corners(view);
   }
 
+  /// Drops all but the strongest corners, at most `most`. O(corners).
+  void keep_strongest(std::size_t most) {
+    if (corners.size() <= most) return;
+    std::nth_element(
+        corners.begin(), corners.begin() + static_cast<std::ptrdiff_t>(most), corners.end(),
+        [](const Corner& a, const Corner& b) {
+          return a.score != b.score ? a.score > b.score : a.y != b.y ? a.y < b.y : a.x < b.x;
+        });
+    corners.resize(most);
+  }
+
   /// Depth around a pixel, up to `fine_reach` fine pixels away; 0 where it is not measured or torn
   /// by an edge.
   float whole_depth(const DepthView& view, int u, int v, int fine_reach) const {
@@ -112,7 +123,6 @@ class CornerImage {
  private:
   static constexpr int kBlock = 5;                 // coarse pixels; one corner each
   static constexpr int kRim = Patch::kRadius + 2;  // coarse pixels; no corner there
-  static constexpr std::size_t kMaxCorners = 200;
   static constexpr float kMinScore = 2e-4f;
 
   void find_corners(const DepthView& view) {
@@ -133,13 +143,6 @@ class CornerImage {
         if (best.depth_m > 0) corners.push_back(best);
       }
     }
-    if (corners.size() <= kMaxCorners) return;
-    std::nth_element(
-        corners.begin(), corners.begin() + kMaxCorners, corners.end(),
-        [](const Corner& a, const Corner& b) {
-          return a.score != b.score ? a.score > b.score : a.y != b.y ? a.y < b.y : a.x < b.x;
-        });
-    corners.resize(kMaxCorners);
   }
 
   // Where a block of the scores reaches its highest value first.

@@ -135,7 +135,9 @@ class MotionCheck {
   // camera rotates: so many times the rotation during the readout, rad.
   static constexpr double kReadoutError = 3;
   static constexpr float kOutlierReachM = 0.1f, kOutlierStepM = 0.1f;
-  static constexpr double kSureSupport = 0.6;
+  // The camera's motion is sure enough to doubt corners if so much agrees with it; less will do
+  // where the depth images, too, say that something large has moved.
+  static constexpr double kSureSupport = 0.6, kSupportAmongMovers = 0.45, kFitAmongMovers = 0.85;
   // A cluster of outlier corners must show twice, but for the first moment, which has no past to
   // compare with, and before a camera that does not rotate, whose corners are followed well.
   static constexpr double kStartS = 0.7, kStillRadS = 0.1;
@@ -181,7 +183,7 @@ class MotionCheck {
                                              kRotationSigma + kRotationSigmaS * rad_s,
                                              kTranslationSigmaM + kTranslationSigmaMS * rad_s);
       registered_ = found && found->fit > kLeastFit;
-      if (registered_) T_map_depth_ = found->T_map_depth;
+      if (registered_) T_map_depth_ = found->T_map_depth, fit_ = found->fit;
     }
     ego_at_depth_ = ego_now;
     depth_s_ = depth_s;
@@ -206,11 +208,15 @@ class MotionCheck {
   }
 
   // Surfaces around corners that move by themselves have moved: a slow surface lies over where it
-  // was a moment ago. But not those that have been there for longer: a reflection moves, too.
+  // was a moment ago. Of those that have been there for longer nothing is known any more: a
+  // reflection moves, and so does a flat board before its own plane.
   void label_outlier_corners(EgoMotion& ego, CellLabels& labels) {
     std::swap(outliers_, last_outliers_);
     outliers_.clear();
-    if (!ego.measured() || !(ego.measured()->support > kSureSupport)) return;
+    const bool movers = registered_ && fit_ < kFitAmongMovers;
+    if (!ego.measured() ||
+        !(ego.measured()->support > (movers ? kSupportAmongMovers : kSureSupport)))
+      return;
     const float per_cell = 1.0f / static_cast<float>(cells_.block_px);
     const Eigen::Isometry3d& seen = ego.measured()->T_current_last;
     const double rad_s = ego.angular_velocity().norm();
@@ -225,9 +231,13 @@ class MotionCheck {
       for (int y = std::max(0, cy - reach); y <= std::min(cells_.height - 1, cy + reach); ++y)
         for (int x = std::max(0, cx - reach); x <= std::min(cells_.width - 1, cx + reach); ++x) {
           const std::size_t i = cells_.index(x, y);
-          if (cells_.depth_m[i] > 0 && !map_.settled(i) &&
-              std::abs(cells_.depth_m[i] - corner.depth_m) < kOutlierStepM)
+          if (!(cells_.depth_m[i] > 0) ||
+              std::abs(cells_.depth_m[i] - corner.depth_m) >= kOutlierStepM)
+            continue;
+          if (!map_.settled(i))
             labels[i] = CellLabel::kMoved;
+          else if (labels[i] == CellLabel::kStatic)
+            labels[i] = CellLabel::kUnknown;
         }
     }
   }
@@ -260,6 +270,7 @@ class MotionCheck {
   Eigen::Isometry3d ego_at_depth_ = Eigen::Isometry3d::Identity();
   Eigen::Vector2f lateral_cells_ = Eigen::Vector2f::Zero();
   bool judged_ = false, registered_ = false;      // the last frame
+  double fit_ = 0;                                // where it is registered
   std::vector<std::uint8_t> dynamic_, touching_;  // of the last frame, by cell
   std::vector<Visit> queue_;
   double start_s_ = 0;                                     // of the map
