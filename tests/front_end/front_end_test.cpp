@@ -186,7 +186,7 @@ TEST(FrontEnd, WithoutCompensationMissesStayMissed) {
 
 TEST(FrontEnd, WithoutDepthFusionTheMaskIsTheUnion) {
   const Walk walk;
-  FrontEndSettings settings;
+  FrontEndSettings settings = FrontEndSettings::network_only();
   settings.use_depth = false;
   FrontEnd front_end(settings, walk.scene.camera());
   std::vector<Instance> careless = walk.people(0);
@@ -239,7 +239,8 @@ TEST(FrontEnd, AsksItsSegmenter) {
 TEST(FrontEnd, GoesOnWhenTheSegmenterThrows) {
   const Walk walk;
   FakeSegmenter segmenter;
-  FrontEnd front_end({}, walk.scene.camera(), &segmenter);
+  // The default finds them by their motion.
+  FrontEnd front_end(FrontEndSettings::network_only(), walk.scene.camera(), &segmenter);
   segmenter.answer = [&](const RgbdFrame&) { return result(walk.people(0)); };
   front_end.compute_mask(walk.frame(0));
   EXPECT_TRUE(front_end.stats().segmenter_error.empty());

@@ -206,6 +206,16 @@ TEST(CameraMotion, FindsOutlierClustersThatAreMostOfTheCorners) {
   EXPECT_GT(2 * motion.outlier_clusters(truth, truth, 0).size(), motion.followed());
 }
 
+// A person has the strongest corners, and most of them.
+TEST(CameraMotion, FollowsOtherCornersInThePlaceOfThoseOnPeople) {
+  const RgbdFrame first = render(0, pose(0, 0, 0), 0.0, 0.5);
+  CameraMotion motion;
+  add(motion, first, Eigen::Isometry3d::Identity());
+  motion.remember_dynamic(first.depth < 2 * 5000);
+  add(motion, render(0.03, pose(0.01, 0, 0), -0.02, 0.5), Eigen::Isometry3d::Identity());
+  EXPECT_GT(motion.followed(), 150u) << "45 if the strongest are chosen before it is known";
+}
+
 /// A static board with nothing on it but a slanted edge, in a noisy image before a textured wall.
 RgbdFrame board_with_an_edge(double timestamp, const Eigen::Isometry3d& T_world_camera) {
   const Camera camera = small_camera();
@@ -359,6 +369,25 @@ TEST(MotionCheck, NeedsNoHostThatTellsItsMotion) {
     check.remember(none);
   }
   EXPECT_GT(frames, 5);
+}
+
+// Its depth is the same wherever it was a moment ago, but its pattern goes along.
+TEST(MotionCheck, FindsABoardThatSlidesInItsOwnPlane) {
+  CheckAlone check(small_camera());
+  const cv::Mat none = cv::Mat::zeros(kHeight, kWidth, CV_8UC1);
+  double least = 1;
+  for (int i = 0; i < 40; ++i) {
+    const RgbdFrame frame = render(0.033 * i, pose(0, 0, 0), 0.2 - 0.01 * i, 0.3);
+    const cv::Mat board = frame.depth < 2 * 5000;
+    cv::Mat mask = none.clone();
+    for (const Instance& s : check.find(frame, std::nullopt)) mask(s.box).setTo(255, s.mask);
+    check.remember(mask);
+    if (i < 32) continue;  // its leading edge has gone far enough
+    least = std::min(least, cv::countNonZero(mask & board) / double(cv::countNonZero(board)));
+    EXPECT_LT(cv::countNonZero(mask & ~board), 0.01 * kWidth * kHeight) << i;
+  }
+  EXPECT_GT(least, 0.85)
+      << "0.5 if its inside is taken for static, or its corners are not followed";
 }
 
 }  // namespace

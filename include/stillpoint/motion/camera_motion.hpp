@@ -62,23 +62,19 @@ class CameraMotion {
     begin(context);
     if (last_.empty || current_.empty || last_.size() != current_.size()) return std::nullopt;
     // Not before it is known which of them are on people: these may have most of the corners.
-    last_.keep_strongest(kMostCorners);
+    last_.keep_strongest(kMostCorners, kMostDynamic);
     if (last_.corners.size() < detail::FlowConsensus::kMinFlows) return std::nullopt;
     const std::optional<Estimate> found = estimate(context.depth, guess);
     if (found) last_motion_ = found->T_current_last;
     return found;
   }
 
-  /// Tells what is dynamic in the last frame, CV_8UC1 of its size: its corners there are not
-  /// followed.
-  void forget_dynamic(const cv::Mat& mask) {
+  /// Tells what is dynamic in the last frame, CV_8UC1 of its size: its corners there have no say on
+  /// the camera's motion, but are followed, too, as outliers among them show that it still moves.
+  void remember_dynamic(const cv::Mat& mask) {
     const int scale = current_.scale;
-    const auto dynamic = [&](const detail::Corner& c) {
-      return mask.at<uchar>(scale * c.y, scale * c.x) != 0;
-    };
-    current_.corners.erase(
-        std::remove_if(current_.corners.begin(), current_.corners.end(), dynamic),
-        current_.corners.end());
+    for (detail::Corner& c : current_.corners)
+      c.dynamic = mask.at<uchar>(scale * c.y, scale * c.x) != 0;
   }
 
   /// Share of the followed area that agrees with a motion.
@@ -132,7 +128,7 @@ class CameraMotion {
   using CornerImage = detail::CornerImage;
   using Flow = detail::Flow;
 
-  static constexpr std::size_t kMostCorners = 200;
+  static constexpr std::size_t kMostCorners = 200, kMostDynamic = 100;
   static constexpr double kMinSupport = 0.3, kUsual = 0.95;
   static constexpr double kSure = 0.5;           // no doubt that the corners were found again
   static constexpr double kPlainShare = 0.4;     // of the best support; see plain_motion()
@@ -213,7 +209,7 @@ class CameraMotion {
     f.u = u0 + du, f.v = v0 + dv;
     const Eigen::Vector2f flat = current_.project(lens.ray(f.u, f.v).homogeneous());
     f.flat_u = flat.x(), f.flat_v = flat.y();
-    f.area = std::min(c.depth_m, 4.0f) * std::min(c.depth_m, 4.0f);
+    f.area = c.dynamic ? 0 : std::min(c.depth_m, 4.0f) * std::min(c.depth_m, 4.0f);
     const int u = static_cast<int>(f.u + 0.5f), v = static_cast<int>(f.v + 0.5f);
     f.depth_m = current_.whole_depth(depth, u, v, CornerImage::kFar);
     f.smooth = f.depth_m > 0;

@@ -29,6 +29,7 @@ inline void shrink(const cv::Mat& from, int factor, cv::Mat& to) {
 struct Corner {
   int x, y;
   float depth_m, score;
+  bool dynamic = false;  ///< on what was taken for dynamic
 };
 
 /// A frame in two sizes and its corners: fine, about 320 pixels in a row, so that all cameras are
@@ -81,15 +82,22 @@ class CornerImage {
     find_corners(view);
   }
 
-  /// Drops all but the strongest corners, at most `most`. O(corners).
-  void keep_strongest(std::size_t most) {
-    if (corners.size() <= most) return;
-    std::nth_element(
-        corners.begin(), corners.begin() + static_cast<std::ptrdiff_t>(most), corners.end(),
-        [](const Corner& a, const Corner& b) {
-          return a.score != b.score ? a.score > b.score : a.y != b.y ? a.y < b.y : a.x < b.x;
-        });
-    corners.resize(most);
+  /// Keeps the strongest corners: of the static world and, behind these, of what is dynamic.
+  /// O(corners).
+  void keep_strongest(std::size_t most_static, std::size_t most_dynamic) {
+    const auto first_dynamic =
+        std::partition(corners.begin(), corners.end(), [](const Corner& c) { return !c.dynamic; });
+    const auto keep = [&](auto begin, auto end, std::size_t most) {
+      if (end - begin <= static_cast<std::ptrdiff_t>(most)) return end;
+      const auto last = begin + static_cast<std::ptrdiff_t>(most);
+      std::nth_element(begin, last, end, [](const Corner& a, const Corner& b) {
+        return a.score != b.score ? a.score > b.score : a.y != b.y ? a.y < b.y : a.x < b.x;
+      });
+      return last;
+    };
+    // From the end, as erasing moves what follows.
+    corners.erase(keep(first_dynamic, corners.end(), most_dynamic), corners.end());
+    corners.erase(keep(corners.begin(), first_dynamic, most_static), first_dynamic);
   }
 
   /// Depth around a pixel, up to `fine_reach` fine pixels away; 0 where it is not measured or torn

@@ -101,7 +101,7 @@ class EgoMotion {
 
   /// Tells what was taken for dynamic in the last frame, CV_8UC1 of its size.
   void remember(const cv::Mat& dynamic) {
-    if (settings_.measure) camera_motion_.forget_dynamic(dynamic);
+    if (settings_.measure) camera_motion_.remember_dynamic(dynamic);
   }
 
   /// Maps points of the camera before the last frame into the last frame's; empty: not known.

@@ -24,7 +24,7 @@ struct Flow {
   float flat_u, flat_v;     ///< the same, undistorted
   float depth_m;            ///< in the new frame; 0: not measured
   float depth_tolerance_m;  ///< a greater difference from it is not noise
-  float area;               ///< that it stands for in space
+  float area;               ///< that it stands for in space; 0: it has no say
   /// Information of the patch, scaled so that its greater eigenvalue is 1: e^T information e is the
   /// square of an error without its part along an edge, which the patch cannot tell.
   Eigen::Matrix2f information;
@@ -39,6 +39,7 @@ class FlowConsensus {
 
   /// Forgets the flows; more come that are seen in `now`.
   void begin(const CornerImage& now) {
+    voters_ = 0;
     flows_.clear();
     blocks_.clear();
     fx_ = now.fx, fy_ = now.fy, cx_ = now.cx, cy_ = now.cy;
@@ -46,7 +47,9 @@ class FlowConsensus {
     tolerate(1);
   }
 
+  /// Those without a say come last.
   void add(const Flow& f) {
+    voters_ += f.area > 0;
     const std::size_t k = flows_.size() % 4;
     if (k == 0) blocks_.push_back(Block());
     blocks_.back().set(k, f);
@@ -83,7 +86,7 @@ class FlowConsensus {
   /// Steps from a motion that is nearly right to the one nearby with the most support, and returns
   /// that.
   double refine(Eigen::Isometry3d& T) {
-    if (flows_.size() < kMinFlows) return 0;
+    if (voters_ < kMinFlows) return 0;
     const float tolerance = tolerance_;
     tolerate(kBlurredTolerance);
     improve(T, 3);
@@ -94,7 +97,7 @@ class FlowConsensus {
   /// Turns the guess T into the motion with the most support, and returns that: steps from the
   /// guess and from `another` and, unless one of these has `enough`, from three flows at a time.
   double search(Eigen::Isometry3d& T, Eigen::Isometry3d another, double enough) const {
-    if (flows_.size() < kMinFlows) return 0;
+    if (voters_ < kMinFlows) return 0;
     const Eigen::Isometry3d guess = T;
     double best = improve(T);
     const double from_another = improve(another);
@@ -172,7 +175,7 @@ class FlowConsensus {
   // The motion that three flows agree with: exact, by steps from the guess.
   std::optional<Eigen::Isometry3d> from_three(RandomGenerator& random, Eigen::Isometry3d T) const {
     std::array<const Flow*, 3> three;
-    for (const Flow*& f : three) f = &flows_[random.below(flows_.size())];
+    for (const Flow*& f : three) f = &flows_[random.below(voters_)];
     for (int i = 0; i < 3; ++i) {
       Normal normal;
       for (const Flow* f : three) add_to(normal, *f, T);
@@ -247,8 +250,9 @@ class FlowConsensus {
 
   // Of the image where the flows are seen.
   float fx_ = 1, fy_ = 1, cx_ = 0, cy_ = 0, scale_ = 1;
-  float tolerance_ = 1;   // times kMaxError
-  float per_square_ = 1;  // 1 over the square of the greatest error, pixels
+  float tolerance_ = 1;     // times kMaxError
+  float per_square_ = 1;    // 1 over the square of the greatest error, pixels
+  std::size_t voters_ = 0;  // flows with an area
   std::vector<Flow> flows_;
   std::vector<Block> blocks_;  // the same, four in a packet
 };
