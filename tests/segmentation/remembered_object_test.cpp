@@ -21,7 +21,11 @@ TEST(RememberedObject, DrawsTurnedAndScaledMasksPixelByPixel) {
     for (int x = 0; x < instance.mask.cols; ++x)
       instance.mask.at<uchar>(y, x) = random.below(2) == 0 ? 0 : 255;
   RememberedObject object;
-  object.observe(cv::Mat(size, CV_8UC1, cv::Scalar(90)), DepthView(), instance, nullptr);
+  RgbdFrame frame;
+  frame.color = cv::Mat(size, CV_8UC1, cv::Scalar(90));
+  FrameContext context;
+  context.begin(frame, Camera());
+  object.observe(context, DepthView(), instance, nullptr);
 
   for (const double degrees : {0.0, 0.3, -1.2, 40.0, -170.0})
     for (const double scale : {1.0, 1.004, 0.99, 1.7, 0.4})

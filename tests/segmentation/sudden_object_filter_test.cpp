@@ -82,10 +82,13 @@ TEST(SuddenObjectFilter, BelievesWhoMovesAndWhoIsKnown) {
   d.movers.clear();
   d.result({});
 
-  cv::Mat gray(kSize, CV_8UC1, cv::Scalar(90));
+  RgbdFrame frame;
+  frame.color = cv::Mat(kSize, CV_8UC1, cv::Scalar(90));
+  FrameContext context;
+  context.begin(frame, Camera());
   d.known.resize(1);
   const Instance before = person({100, 50, 250, 300});
-  d.known[0].observe(gray, DepthView(), before, nullptr);
+  d.known[0].observe(context, DepthView(), before, nullptr);
   EXPECT_EQ(d.result({person(kHuge)}), 1u);
   d.known[0].class_name.clear();  // a mover that the segmenter never named
   d.result({});

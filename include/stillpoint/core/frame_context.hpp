@@ -40,6 +40,15 @@ class FrameContext {
     return gray_;
   }
 
+  /// Row `y` of it; if it has not been converted, that row alone is.
+  const uchar* gray_row(int y) const {
+    if (converted_ || frame.color.channels() == 1) return gray().ptr<uchar>(y);
+    gray_.create(size(), CV_8UC1);
+    cv::Mat row = gray_.row(y);
+    cv::cvtColor(frame.color.row(y), row, cv::COLOR_BGR2GRAY);
+    return row.ptr<uchar>();
+  }
+
   RgbdFrame frame;
   Camera camera;
   DepthView depth;

@@ -237,12 +237,11 @@ class ForwardPredictor {
 
   bool carry_one(const FrameContext& context, const DepthView& depth, std::size_t then,
                  const std::optional<Eigen::Isometry3d>& T_now_then, Instance& instance) {
-    const cv::Mat& gray = context.gray();  // looked at only without depth
     object_.forget_places();
     if (instance.mask.empty())
-      object_.observe(gray, old_depth_, middle_of(instance), nullptr);
+      object_.observe(context, old_depth_, middle_of(instance), nullptr);
     else
-      object_.observe(gray, old_depth_, instance, nullptr);
+      object_.observe(context, old_depth_, instance, nullptr);
     object_.predict(context.frame.timestamp, old_depth_.lens(),
                     camera_.valid() ? T_now_then : std::nullopt, 0);
     const bool can_look = !depth.empty() && object_.depth_m() > 0;

@@ -14,6 +14,7 @@
 
 #include "stillpoint/core/depth_view.hpp"
 #include "stillpoint/core/frame.hpp"
+#include "stillpoint/core/frame_context.hpp"
 #include "stillpoint/core/instance.hpp"
 #include "stillpoint/core/lens.hpp"
 #include "stillpoint/segmentation/draw_warped.hpp"
@@ -46,9 +47,9 @@ class RememberedObject {
   int mended = 0;
   bool alive = true;
 
-  /// Takes over what a frame shows of the object: `instance` in the grey image, where `limit`
-  /// (unless null or a bare box) covers it too. Copies the mask; O(box).
-  void observe(const cv::Mat& gray, const DepthView& depth, const Instance& instance,
+  /// Takes over what a frame shows of the object: `instance`, where `limit` (unless null or a bare
+  /// box) covers it too. `depth` is the frame's or empty. Copies the mask; O(box).
+  void observe(const FrameContext& context, const DepthView& depth, const Instance& instance,
                const Instance* limit) {
     class_name = instance.class_name;
     score = instance.score;
@@ -62,11 +63,11 @@ class RememberedObject {
         cv::bitwise_and(mask, part->mask(box_ - part->box.tl()), mask);
     // The image is only looked at where the depth cannot tell.
     if (depth.empty())
-      patch_.sample(gray, instance);
+      patch_.sample(context.gray(), instance);
     else
       patch_.clear();
     const float expected_z = predicted_z_;
-    sample_points(gray.size(), depth);
+    sample_points(context.size(), depth);
     if (camera_known_ && z_ > 0 && expected_z > 0) depth_motion_m_ += z_ - expected_z;
   }
 

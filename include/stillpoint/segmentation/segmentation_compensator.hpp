@@ -114,7 +114,7 @@ class SegmentationCompensator {
       RememberedObject& object = objects_[static_cast<std::size_t>(pairs_.object_of(i))];
       ids_[i] = object.id;
       if (!object.alive) continue;
-      object.observe(context.gray(), depth, refined[i], &output_.instances[i]);
+      object.observe(context, depth, refined[i], &output_.instances[i]);
       if (object.inside().size() >= kFewestPoints)
         object.add_place(context.frame.timestamp, settings_.corner_history,
                          static_cast<std::size_t>(settings_.history));
