@@ -20,7 +20,7 @@ enum class CellLabel : std::uint8_t {
 /// A label for each cell, a square of pixels, of a frame. Empty: nothing is known.
 class CellLabels {
  public:
-  void clear() { width_ = height_ = 0, labels_.clear(), alone_.clear(); }
+  void clear() { width_ = height_ = 0, labels_.clear(), alone_.clear(), seen_.clear(); }
   bool empty() const { return labels_.empty(); }
 
   /// All unknown.
@@ -29,6 +29,7 @@ class CellLabels {
     labels_.assign(static_cast<std::size_t>(width) * static_cast<std::size_t>(height),
                    CellLabel::kUnknown);
     alone_.assign(labels_.size(), 0);
+    seen_.assign(labels_.size(), 0);
   }
   /// Side of a cell, pixels.
   int block_px() const { return block_px_; }
@@ -39,6 +40,10 @@ class CellLabels {
   std::size_t size() const { return labels_.size(); }
   /// Tells that the static surface of a cell was seen there while nothing that moves touched it.
   void set_alone(std::size_t i) { alone_[i] = 255; }
+  /// Tells that an earlier frame looked at the place of a cell. What has just come into view was
+  /// not.
+  void set_seen(std::size_t i) { seen_[i] = 255; }
+  bool seen(std::size_t i) const { return seen_[i] != 0; }
 
   /// To be called once the labels stand: finds what known_static(), stood_alone() and
   /// clear_static() ask for. O(cells).
@@ -92,7 +97,7 @@ class CellLabels {
 
   int block_px_ = 8, width_ = 0, height_ = 0;
   std::vector<CellLabel> labels_;
-  std::vector<uchar> alone_;  // 255: yes
+  std::vector<uchar> alone_, seen_;  // 255: yes
   cv::Mat_<uchar> static_, wide_static_, wide_alone_;
 };
 

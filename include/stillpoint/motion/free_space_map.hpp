@@ -105,6 +105,7 @@ class FreeSpaceMap {
     score_.assign(cells.size(), 0);
     settled_.assign(cells.size(), 0);
     alone_.assign(cells.size(), 0);
+    seen_.assign(cells.size(), 0);
     least_m_s_.assign(cells.size(), kNever);
     most_m_s_.assign(cells.size(), 0);
     receding_views_ = 0;
@@ -122,6 +123,8 @@ class FreeSpaceMap {
                                               : CellLabel::kUnknown;
     for (std::size_t i = 0; i < cells.size(); ++i)
       if (alone_[i] != 0) labels.set_alone(i);
+    for (std::size_t i = 0; i < cells.size(); ++i)
+      if (seen_[i] != 0) labels.set_seen(i);
   }
 
   /// Whether the surface of a cell of the last judge() was there 0.3 s before, too.
@@ -188,16 +191,16 @@ class FreeSpaceMap {
       const std::size_t first = cells.index(0, y);
       projection.row(y, row_.cell.data(), row_.z.data(), row_.least_step2.data());
       row_.look_up(view.surface_m.ptr<float>(), free_to_m, view.alone.ptr<uchar>());
-      count(row_, n, &score_[first], &alone_[first]);
+      count(row_, n, &score_[first], &alone_[first], &seen_[first]);
       if (receding_s > 0)
         measure_speed(row_, n, 1 / receding_s, &least_m_s_[first], &most_m_s_[first]);
     }
   }
 
   // Seen free counts two, seen filled by the same surface counts minus one. Without branches: hard
-  // to foresee, and so it becomes vector instructions.
+  // to foresee, and so it becomes vector instructions. At the rim, and beyond, nothing was seen.
   static void count(const Row& row, std::size_t n, int* STILLPOINT_RESTRICT score,
-                    int* STILLPOINT_RESTRICT alone) {
+                    int* STILLPOINT_RESTRICT alone, int* STILLPOINT_RESTRICT seen) {
     const float *z = row.z.data(), *step2 = row.least_step2.data();
     const float *surface = row.surface_m.data(), *free_to = row.free_to_m.data();
     const int* stood_alone = row.alone.data();
@@ -208,6 +211,7 @@ class FreeSpaceMap {
       const int same = (score[x] <= 0) & (behind_by * behind_by < step2[x]) & (1 - free);
       score[x] += 2 * free - same;
       alone[x] |= same & stood_alone[x];
+      seen[x] |= (free_to[x] > 0) | (surface[x] > 0);
     }
   }
 
@@ -253,7 +257,7 @@ class FreeSpaceMap {
   std::size_t count_ = 0, next_ = 0, newest_ = 0;
   FarHoles holes_;
   std::vector<const DepthKeyView*> compared_;
-  std::vector<int> score_, alone_;
+  std::vector<int> score_, alone_, seen_;
   std::vector<std::uint8_t> settled_;
   std::vector<float> least_m_s_, most_m_s_;  // of what recedes, over the views that tell
   int receding_views_ = 0;

@@ -55,7 +55,7 @@ class MoverDetector {
   };
   struct Region {
     cv::Rect box;
-    int moved = 0;
+    int moved = 0, judged = 0;  // cells
     double moved_m2 = 0;
     int open = 0, closed = 0;  // sides of cells at its border
   };
@@ -74,6 +74,7 @@ class MoverDetector {
         ++region.moved;
         region.moved_m2 += static_cast<double>(z) * z / (cells.fx * cells.fy);
       }
+      region.judged += labels[i] == CellLabel::kMoved || labels.seen(i);
       region.box |= cv::Rect(visit.x, visit.y, 1, 1);
       const int reach = static_cast<int>(settings_.growth_m * cells.fx / z);
       static constexpr int kNext[4][2] = {{-1, 0}, {1, 0}, {0, -1}, {0, 1}};
@@ -100,7 +101,7 @@ class MoverDetector {
   bool is_mover(const Region& region) const {
     return region.moved >= settings_.min_moved_cells &&
            (region.moved_m2 >= settings_.min_moved_area_m2 || region.moved >= kManyCells) &&
-           region.moved >= settings_.min_moved_share * static_cast<double>(queue_.size()) &&
+           region.moved >= settings_.min_moved_share * region.judged &&
            region.open <= settings_.max_open_share * (region.open + region.closed);
   }
 

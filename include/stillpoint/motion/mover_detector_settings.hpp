@@ -13,7 +13,8 @@ struct MoverDetectorSettings {
   /// close, and so however small.
   int min_moved_cells = 6;
   double min_moved_area_m2 = 0.02;
-  /// Least share of moved cells in the region grown from them.
+  /// Least share of moved cells in the region grown from them, among those that an earlier frame
+  /// has looked at.
   double min_moved_share = 0.2;
   /// How far the region grows from them over connected depth.
   double growth_m = 0.35;
