@@ -208,8 +208,8 @@ class MotionCheck {
   }
 
   // Surfaces around corners that move by themselves have moved: a slow surface lies over where it
-  // was a moment ago. Of those that have been there for longer nothing is known any more: a
-  // reflection moves, and so does a flat board before its own plane.
+  // was a moment ago. Of those that have been there for longer nothing is known any more, once it
+  // is seen twice: a reflection moves, and so does a flat board in its own plane.
   void label_outlier_corners(EgoMotion& ego, CellLabels& labels) {
     std::swap(outliers_, last_outliers_);
     outliers_.clear();
@@ -224,7 +224,8 @@ class MotionCheck {
     const bool once_is_enough = rad_s < kStillRadS || depth_s_ - start_s_ < kStartS;
     for (const CameraMotion::OutlierCorner& corner : ego.images().outlier_clusters(
              seen, ego.trusted_prediction().value_or(seen), smeared_share)) {
-      if (!seen_twice(corner, seen) && !once_is_enough) continue;
+      const bool twice = seen_twice(corner, seen);
+      if (!twice && !once_is_enough) continue;
       const int reach = static_cast<int>(kOutlierReachM * cells_.fx / corner.depth_m);
       const int cx = static_cast<int>(corner.u * per_cell);
       const int cy = static_cast<int>(corner.v * per_cell);
@@ -236,7 +237,7 @@ class MotionCheck {
             continue;
           if (!map_.settled(i))
             labels[i] = CellLabel::kMoved;
-          else if (labels[i] == CellLabel::kStatic)
+          else if (twice && labels[i] == CellLabel::kStatic)
             labels[i] = CellLabel::kUnknown;
         }
     }
