@@ -121,10 +121,10 @@ class FreeSpaceMap {
       labels[i] = score_[i] > 1 || recedes(i) ? CellLabel::kMoved
                   : score_[i] < 0             ? CellLabel::kStatic
                                               : CellLabel::kUnknown;
-    for (std::size_t i = 0; i < cells.size(); ++i)
+    for (std::size_t i = 0; i < cells.size(); ++i) {
       if (alone_[i] != 0) labels.set_alone(i);
-    for (std::size_t i = 0; i < cells.size(); ++i)
       if (seen_[i] != 0) labels.set_seen(i);
+    }
   }
 
   /// Whether the surface of a cell of the last judge() was there 0.3 s before, too.
