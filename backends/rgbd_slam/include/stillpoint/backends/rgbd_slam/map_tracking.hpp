@@ -21,8 +21,9 @@ namespace stillpoint::rgbd_slam {
 /// The predicted pose projects the local map into the frame; matches near the projections give the
 /// pose; then the local map is gathered anew around them, matched closely, and the pose refined; a
 /// pose that too few of the matches agree on is contested. If that fails, wider, then anywhere in
-/// the map. A frame that finds too few is lost, and said to be. Knows no thread: the caller holds
-/// the map's lock.
+/// the map. A frame that finds too few is lost, and said to be, and so is one whose few matches tell
+/// of a leap; the next one is then looked for as if it followed the last good one. Knows no thread:
+/// the caller holds the map's lock.
 class MapTracking {
  public:
   struct Settings {
@@ -66,32 +67,39 @@ class MapTracking {
     stats_ = Stats();
     stats_.keypoints = static_cast<int>(current_.frame.size());
     for (const FrameKeypoint& k : current_.frame.keypoints) stats_.with_depth += k.depth_m > 0;
-    bool ok = false;
+    bool ok = false, leaps = false;
     if (map.keyframe_count() == 0) {
       ok = start(map);
     } else {
-      if (tracking_) ok = follow(map, last_seen);
+      Eigen::Isometry3d predicted = Eigen::Isometry3d::Identity();
+      if (tracking_) {
+        predicted = history_.motion_until(current_.frame.timestamp) * history_.last_pose(map);
+        ok = follow(map, last_seen, predicted);
+      }
       if (!ok) {
         stats_.inliers = relocalize(model_, map, index, settings_.min_relocalized, current_);
         ok = stats_.recovered = stats_.inliers > 0;
         if (ok) local_ = gather_local_map(map, current_.points, settings_.max_local_keyframes);
       }
       if (ok) ok = follow_local_map(map);
+      leaps = ok && tracking_ && is_leap_from(predicted);
+      ok = ok && !leaps;
       if (ok && keyframe_due(map, mapper_busy)) insert_keyframe(map);
     }
     if (ok) {
       history_.add(map, stats_.keyframe ? newest_keyframe_ : local_.reference,
                    current_.frame.timestamp, current_.T_camera_world, tracking_);
       lost_since_s_.reset();
+      tracked_s_ = now_s_;
     } else {
       stats_.recovered = false;
-      history_.forget_motion();
+      if (!leaps) history_.forget_motion();
       if (!lost_since_s_) lost_since_s_ = now_s_;
       stats_.restart_due = passed(*lost_since_s_, settings_.restart_after_s) &&
                            map.keyframe_count() > 0 &&
                            map.keyframe_count() < settings_.restart_keyframes;
     }
-    tracking_ = ok;
+    tracking_ = ok || leaps;
     return ok;
   }
 
@@ -106,6 +114,8 @@ class MapTracking {
   static constexpr int kSureInliers = 60;
   // With the mapper behind, keyframes wait so long.
   static constexpr double kBusyGapS = 1.0 / 6;
+  // No camera in a hand or on a robot changes its speed by so much from frame to frame.
+  static constexpr double kMostSpeedChangeM_s = 3;
 
   // Whether so much time has passed, but for the jitter of timestamps: less than a frame at 90 Hz.
   bool passed(double since_s, double wanted_s) const { return now_s_ - since_s > wanted_s - 0.01; }
@@ -117,9 +127,8 @@ class MapTracking {
   }
 
   // First the points of the last frame; all of the local map only if these do not do.
-  bool follow(Map& map, const std::vector<PointId>& last_seen) {
+  bool follow(Map& map, const std::vector<PointId>& last_seen, const Eigen::Isometry3d& predicted) {
     const Eigen::Isometry3d last = history_.last_pose(map);
-    const Eigen::Isometry3d predicted = history_.motion_until(current_.frame.timestamp) * last;
     match_from(map, last_seen, predicted, 10);
     if (stats_.inliers >= kSureInliers) return true;
     // The camera rotates faster or slower than before: search wider, around the prediction and the
@@ -194,6 +203,13 @@ class MapTracking {
     current_ = std::move(other);
   }
 
+  // Where people fill the image, the best of the wrong poses may have just enough matches.
+  bool is_leap_from(const Eigen::Isometry3d& predicted) const {
+    const Eigen::Isometry3d T_predicted_now = predicted * current_.T_camera_world.inverse();
+    return !stats_.recovered && stats_.inliers < kSureInliers &&
+           T_predicted_now.translation().norm() > kMostSpeedChangeM_s * (now_s_ - tracked_s_);
+  }
+
   bool keyframe_due(const Map& map, bool mapper_busy) const {
     // However slow the camera, never two frames in a row: the second would be judged by nothing but
     // what the first, which may be wrong, has put into the map.
@@ -245,6 +261,7 @@ class MapTracking {
   KeyframeId newest_keyframe_;
   bool tracking_ = false, after_keyframe_ = false;
   double now_s_ = 0, last_s_ = 0;       // this frame's time: our own, and its timestamp
+  double tracked_s_ = 0;                // when a frame was tracked last
   double keyframe_s_ = 0;               // when the newest keyframe was made
   std::optional<double> lost_since_s_;  // the first lost frame's
 };
