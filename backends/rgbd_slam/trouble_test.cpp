@@ -106,27 +106,19 @@ TEST(SlamSystem, IsNotTakenAlongByWhatMovesBeforeTheFirstMask) {
   EXPECT_LT(worst_error(tracked), 0.02);  // 0.055 if the pose is a compromise with it
 }
 
-// 30 cm from one frame to the next: seen by all of the image, and by a small part of it.
-TEST(SlamSystem, ALeapIsBelievedOnlyIfManyMatchesTellOfIt) {
-  for (const bool many : {false, true}) {
-    SlamSystem slam(camera(), small_settings());
-    walk(slam, 20, 1, 1 / 30.0);
-    Eigen::Isometry3d beside = path(20);
-    beside.translation().x() += 0.3;
-    const RgbdFrame leap = render(beside, 20 / 30.0);
-    DynamicMask mask;
-    if (!many) {
-      mask.image = cv::Mat(leap.color.size(), CV_8UC1, cv::Scalar(255));
-      mask.image(cv::Rect(100, 90, 70, 50)).setTo(0);
-    }
-    EXPECT_EQ(feed(slam, leap, mask).has_value(), many);
-    if (many) continue;
-    EXPECT_GE(slam.stats().inliers, 20) << "or it would be lost for too few";
-    const auto next = feed(slam, render(path(21), 21 / 30.0));
-    ASSERT_TRUE(next);
-    EXPECT_FALSE(slam.stats().recovered);
-    EXPECT_LT(distance(*next, path(0).inverse() * path(21)), 0.02);
-  }
+// 30 cm from one frame to the next, seen by a small part of the image.
+TEST(SlamSystem, ALeapThatFewMatchesTellOfIsLost) {
+  SlamSystem slam(camera(), small_settings());
+  walk(slam, 20, 1, 1 / 30.0);
+  Eigen::Isometry3d beside = path(20);
+  beside.translation().x() += 0.3;
+  const DynamicMask mask{cv::Mat(camera().height, camera().width, CV_8UC1, cv::Scalar(255))};
+  mask.image(cv::Rect(100, 90, 70, 50)).setTo(0);
+  EXPECT_FALSE(feed(slam, render(beside, 20 / 30.0), mask));
+  EXPECT_GE(slam.stats().inliers, 20) << "or it would be lost for too few";
+  const auto next = feed(slam, render(path(21), 21 / 30.0));
+  ASSERT_TRUE(next && !slam.stats().recovered);
+  EXPECT_LT(distance(*next, path(0).inverse() * path(21)), 0.02);
 }
 
 TEST(SlamSystem, StartsAnewWhenAYoungMapIsLost) {

@@ -21,9 +21,8 @@ namespace stillpoint::rgbd_slam {
 /// The predicted pose projects the local map into the frame; matches near the projections give the
 /// pose; then the local map is gathered anew around them, matched closely, and the pose refined; a
 /// pose that too few of the matches agree on is contested. If that fails, wider, then anywhere in
-/// the map. A frame that finds too few is lost, and said to be, and so is one whose few matches tell
-/// of a leap; the next one is then looked for as if it followed the last good one. Knows no thread:
-/// the caller holds the map's lock.
+/// the map. A frame that finds too few is lost, and so is one whose few matches tell of a leap; the
+/// next one is then looked for from the last good one. The caller holds the map's lock.
 class MapTracking {
  public:
   struct Settings {
