@@ -81,7 +81,7 @@ class MapTracking {
         if (ok) local_ = gather_local_map(map, current_.points, settings_.max_local_keyframes);
       }
       if (ok) ok = follow_local_map(map);
-      leaps = ok && tracking_ && is_leap_from(predicted);
+      leaps = ok && is_leap_from(predicted);
       ok = ok && !leaps;
       if (ok && keyframe_due(map, mapper_busy)) insert_keyframe(map);
     }
