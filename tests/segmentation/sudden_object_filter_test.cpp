@@ -25,6 +25,7 @@ struct Detector {
   SuddenObjectFilter filter;
   std::vector<RememberedObject> known;
   std::vector<Instance> movers;
+  CellLabels labels;
   double time_s = 1;
   bool says_when = true;
 
@@ -36,7 +37,7 @@ struct Detector {
   std::size_t result(const std::vector<Instance>& instances, double later_s = 0.033) {
     time_s += later_s;
     Segmentation segmentation{true, says_when ? time_s : std::nan(""), instances};
-    filter.filter(time_s, kSize, known, movers, segmentation);
+    filter.filter(time_s, kSize, known, movers, labels, segmentation);
     EXPECT_EQ(filter.status() == kObjectDoubted, segmentation.instances.size() < instances.size());
     return segmentation.instances.size();
   }
@@ -59,7 +60,7 @@ TEST(SuddenObjectFilter, SaysNothingOfAFrameWithoutAResult) {
   Detector d;
   EXPECT_EQ(d.result({person(kHuge)}), 0u);
   Segmentation none{false, d.time_s, {person(kHuge)}};
-  d.filter.filter(d.time_s + 0.033, kSize, {}, {}, none);
+  d.filter.filter(d.time_s + 0.033, kSize, {}, {}, {}, none);
   EXPECT_EQ(d.filter.status(), kOk);
   EXPECT_EQ(none.instances.size(), 1u);
 }
@@ -95,10 +96,37 @@ TEST(SuddenObjectFilter, BelievesWhoMovesAndWhoIsKnown) {
   EXPECT_EQ(d.result({person(kHuge)}), 0u);
 }
 
+TEST(SuddenObjectFilter, NeverBelievesWhatStoodThere) {
+  // Of the columns, how many were looked at, are static, have moved; whether it is believed.
+  const struct {
+    int seen, of_static, moved;
+    bool believed;
+  } cases[] = {{80, 60, 0, false}, {80, 50, 0, true},  {80, 70, 3, true},
+               {20, 20, 0, true},  {40, 30, 0, false}, {0, 0, 0, true}};
+  for (const bool bare : {true, false})
+    for (const auto& c : cases) {
+      SCOPED_TRACE(::testing::Message() << bare << ' ' << c.seen << ' ' << c.of_static);
+      Detector d;
+      Instance huge = person(cv::Rect(cv::Point(), kSize));
+      if (!bare) huge.mask = cv::Mat(kSize, CV_8UC1, cv::Scalar(1));
+      d.labels.reset(8, 80, 60);
+      for (std::size_t i = 0; i < 80 * 60; ++i) {
+        const int x = static_cast<int>(i % 80);
+        if (x < c.seen) d.labels.set_seen(i);
+        if (x < c.of_static) d.labels[i] = CellLabel::kStatic;
+        if (x >= 80 - c.moved) d.labels[i] = CellLabel::kMoved;
+      }
+      EXPECT_EQ(d.result({huge}, 0.25), c.believed ? 1u : 0u);  // after a pause
+      for (int i = 0; i < 5; ++i) d.result({huge});
+      EXPECT_EQ(d.result({huge}), c.believed ? 1u : 0u);
+      EXPECT_EQ(d.result({person({20, 10, 200, 200})}), 1u);  // not a large one
+    }
+}
+
 TEST(SuddenObjectFilter, BelievesTheFirstResultAndTheFirstAfterAPause) {
   SuddenObjectFilter filter;
   Segmentation found{true, 5, {person(kHuge)}};
-  filter.filter(5, kSize, {}, {}, found);
+  filter.filter(5, kSize, {}, {}, {}, found);
   EXPECT_EQ(filter.status(), kOk);
   Detector d;
   EXPECT_EQ(d.result({person(kHuge)}, 0.25), 1u);  // 4 Hz: people come close between two results

@@ -8,6 +8,8 @@
 #include <opencv2/imgproc.hpp>
 #include <vector>
 
+#include "stillpoint/core/instance.hpp"
+
 namespace stillpoint {
 
 /// What earlier frames say of a cell of the image.
@@ -61,6 +63,27 @@ class CellLabels {
   /// Whether, besides, it was seen there while nothing that moves touched it: true of a table, but
   /// not of a person who moves only an arm. O(1).
   bool stood_alone(const cv::Point& pixel) const { return is_set(wide_alone_, pixel); }
+
+  /// How many cells of an instance, by its mask or its bare box, there are, earlier frames looked
+  /// at, are static, have moved. O(cells of the box).
+  struct Counts {
+    int all = 0, seen = 0, of_static = 0, moved = 0;
+  };
+  Counts count(const Instance& instance) const {
+    Counts counts;
+    if (empty()) return counts;
+    const cv::Rect box = instance.box & cv::Rect(0, 0, width_ * block_px_, height_ * block_px_);
+    for (int y = box.y + block_px_ / 2; y < box.y + box.height; y += block_px_)
+      for (int x = box.x + block_px_ / 2; x < box.x + box.width; x += block_px_) {
+        const cv::Point in_box = cv::Point(x, y) - instance.box.tl();
+        if (!instance.mask.empty() && instance.mask.at<uchar>(in_box) == 0) continue;
+        const std::size_t i = static_cast<std::size_t>(y / block_px_ * width_ + x / block_px_);
+        ++counts.all, counts.seen += seen(i);
+        counts.of_static += labels_[i] == CellLabel::kStatic;
+        counts.moved += labels_[i] == CellLabel::kMoved;
+      }
+    return counts;
+  }
 
   /// Sets `mask`, CV_8UC1 of the size of `area` (inside the frame), to 0 where there is a static
   /// surface. With `wide_only`, what is thinner than three cells stays: cells at an outline show

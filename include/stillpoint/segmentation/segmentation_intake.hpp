@@ -78,7 +78,7 @@ class SegmentationIntake {
     raw_ = dynamic_.instances;
     if (may_be_late_) predictor_.forward(context, dynamic_);
     const double now_s = context.frame.timestamp;
-    if (doubt_) sudden_.filter(now_s, context.size(), remembered, movers, dynamic_);
+    if (doubt_) sudden_.filter(now_s, context.size(), remembered, movers, context.labels, dynamic_);
     dynamic_.instances.insert(dynamic_.instances.end(), movers.begin(), movers.end());
     if (starts_anew) age_ = SegmentationAge();
     age_.add(now_s, dynamic_);

@@ -8,6 +8,7 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
+#include "stillpoint/core/cell_labels.hpp"
 #include "stillpoint/core/instance.hpp"
 #include "stillpoint/core/status.hpp"
 #include "stillpoint/segmentation/remembered_object.hpp"
@@ -18,7 +19,8 @@ namespace stillpoint {
 /// Leaves out what a detector suddenly sees all over the image: nobody fills a third of it from one
 /// frame to the next, but a detector takes a blurred desk for a person. Such an object counts once
 /// several results in a row show it, or at once where something moves in it, where a remembered
-/// object is, or after a pause of the segmenter.
+/// object is, or after a pause of the segmenter. It never counts where earlier frames have seen
+/// most of it at the same place.
 class SuddenObjectFilter {
  public:
   using Settings = SegmentationCompensatorSettings;
@@ -27,9 +29,11 @@ class SuddenObjectFilter {
 
   /// Takes the doubtful instances out of the segmenter's result that came at `now_s` (seconds) for
   /// an image of `size`; status() says whether there were some. `known`: the objects of the last
-  /// frame; `movers`: instances that surely move. O(instances x objects).
+  /// frame; `movers`: instances that surely move; `labels`: what is known of the image's cells.
+  /// O(instances x objects), and O(cells) for each large instance.
   void filter(double now_s, const cv::Size& size, const std::vector<RememberedObject>& known,
-              const std::vector<Instance>& movers, Segmentation& segmentation) {
+              const std::vector<Instance>& movers, const CellLabels& labels,
+              Segmentation& segmentation) {
     status_ = kOk;
     if (!segmentation.available) return;
     const double result_s = segmentation.timestamp < now_s ? segmentation.timestamp : now_s;
@@ -39,7 +43,9 @@ class SuddenObjectFilter {
     next_.clear();
     const auto doubtful = [&](const Instance& s) {
       const double share = static_cast<double>(s.box.area()) / size.area();
-      if (paused || s.class_name.empty() || share <= settings_.sudden_share) return false;
+      if (s.class_name.empty() || share <= settings_.sudden_share) return false;
+      if (stood_there(labels.count(s))) return true;
+      if (paused) return false;
       const auto inside = [&](const cv::Rect& box, double least) {
         return (box & s.box).area() > least * box.area();
       };
@@ -67,6 +73,13 @@ class SuddenObjectFilter {
   std::uint32_t status() const { return status_; }
 
  private:
+  // Enough of it was looked at, most of that is static, and hardly anything has moved. A person's
+  // box has up to 0.7 of background, and what moves.
+  static bool stood_there(const CellLabels::Counts& cells) {
+    return cells.seen > 0.3 * cells.all && cells.of_static > 0.7 * cells.seen &&
+           cells.moved < 0.02 * cells.all;
+  }
+
   static constexpr double kPauseS = 0.15;      // longer: people may have come close meanwhile
   static constexpr double kKnownShare = 0.25;  // of a known object's box
   static constexpr double kMovingShare = 0.1;  // of the doubtful one's box
