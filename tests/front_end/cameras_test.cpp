@@ -231,7 +231,7 @@ TEST(Cameras, AFalsePersonOverMostOfTheImageIsDoubtedAndNotCarriedOn) {
     }
 }
 
-// However long it insists: most of the room is known to be static.
+// Most of the room is known to be static.
 TEST(Cameras, AFalsePersonOnWhatIsKnownToBeStaticIsNotBelieved) {
   const Camera camera = camera_of(320);
   const RoomCamera room(camera);

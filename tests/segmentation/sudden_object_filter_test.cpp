@@ -96,7 +96,7 @@ TEST(SuddenObjectFilter, BelievesWhoMovesAndWhoIsKnown) {
   EXPECT_EQ(d.result({person(kHuge)}), 0u);
 }
 
-TEST(SuddenObjectFilter, NeverBelievesWhatStoodThere) {
+TEST(SuddenObjectFilter, BelievesWhatStoodThereOnlyIfTheSegmenterInsists) {
   // Of the columns, how many were looked at, are static, have moved; whether it is believed.
   const struct {
     int seen, of_static, moved;
@@ -117,8 +117,10 @@ TEST(SuddenObjectFilter, NeverBelievesWhatStoodThere) {
         if (x >= 80 - c.moved) d.labels[i] = CellLabel::kMoved;
       }
       EXPECT_EQ(d.result({huge}, 0.25), c.believed ? 1u : 0u);  // after a pause
-      for (int i = 0; i < 5; ++i) d.result({huge});
-      EXPECT_EQ(d.result({huge}), c.believed ? 1u : 0u);
+      for (int i = 2; i <= 50; ++i) {
+        const double later_s = c.believed || i % 2 == 0 ? 0.033 : 0.25;
+        EXPECT_EQ(d.result({huge}, later_s), i >= (c.believed ? 4 : 45) ? 1u : 0u) << i;
+      }
       EXPECT_EQ(d.result({person({20, 10, 200, 200})}), 1u);  // not a large one
     }
 }

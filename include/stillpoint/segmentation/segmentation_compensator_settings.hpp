@@ -49,8 +49,8 @@ struct SegmentationCompensatorSettings {
   /// seen gives three more than max_prediction_s, up to this.
   double max_unnamed_s = 1.8;
   /// An object with a name that appears from one result to the next over more than this share of
-  /// the image is doubted (SuddenObjectFilter) until it is in `sudden_results` results in a row, or
-  /// as long as what it covers is known to be static. 1: none is.
+  /// the image is doubted (SuddenObjectFilter) until it is in `sudden_results` results in a row, in
+  /// 45 where what it covers is known to be static. 1: none is.
   double sudden_share = 0.3;
   int sudden_results = 3;
   /// Bound on an object's own speed.

@@ -19,8 +19,8 @@ namespace stillpoint {
 /// Leaves out what a detector suddenly sees all over the image: nobody fills a third of it from one
 /// frame to the next, but a detector takes a blurred desk for a person. Such an object counts once
 /// several results in a row show it, or at once where something moves in it, where a remembered
-/// object is, or after a pause of the segmenter. It never counts where earlier frames have seen
-/// most of it at the same place.
+/// object is, or after a pause of the segmenter. Where earlier frames have seen most of it at the
+/// same place, the segmenter must insist on it for longer than blur lasts.
 class SuddenObjectFilter {
  public:
   using Settings = SegmentationCompensatorSettings;
@@ -39,12 +39,11 @@ class SuddenObjectFilter {
     const double result_s = segmentation.timestamp < now_s ? segmentation.timestamp : now_s;
     const bool paused = !(result_s - last_s_ <= kPauseS && result_s >= last_s_);
     last_s_ = result_s;
-    if (paused) candidates_.clear();
     next_.clear();
     const auto doubtful = [&](const Instance& s) {
       const double share = static_cast<double>(s.box.area()) / size.area();
       if (s.class_name.empty() || share <= settings_.sudden_share) return false;
-      if (stood_there(labels.count(s))) return true;
+      if (stood_there(labels.count(s))) return count_results(s.box) < kInsistentResults;
       if (paused) return false;
       const auto inside = [&](const cv::Rect& box, double least) {
         return (box & s.box).area() > least * box.area();
@@ -55,12 +54,7 @@ class SuddenObjectFilter {
       for (const Instance& mover : movers)
         if (inside(mover.box, 0.5)) moving_px += mover.box.area();
       if (moving_px > kMovingShare * s.box.area()) return false;
-      int results = 1;
-      for (const Candidate& c : candidates_)
-        if (2 * (c.box & s.box).area() > (c.box | s.box).area())
-          results = std::max(results, c.results + 1);
-      next_.push_back({s.box, results});
-      return results < settings_.sudden_results;
+      return count_results(s.box) < settings_.sudden_results;
     };
     std::vector<Instance>& instances = segmentation.instances;
     const std::size_t given = instances.size();
@@ -73,6 +67,16 @@ class SuddenObjectFilter {
   std::uint32_t status() const { return status_; }
 
  private:
+  // How many results in a row have shown something there.
+  int count_results(const cv::Rect& box) {
+    int results = 1;
+    for (const Candidate& c : candidates_)
+      if (2 * (c.box & box).area() > (c.box | box).area())
+        results = std::max(results, c.results + 1);
+    next_.push_back({box, results});
+    return results;
+  }
+
   // Enough of it was looked at, most of that is static, and hardly anything has moved. A person's
   // box has up to 0.7 of background, and what moves.
   static bool stood_there(const CellLabels::Counts& cells) {
@@ -80,6 +84,7 @@ class SuddenObjectFilter {
            cells.moved < 0.02 * cells.all;
   }
 
+  static constexpr int kInsistentResults = 45;
   static constexpr double kPauseS = 0.15;      // longer: people may have come close meanwhile
   static constexpr double kKnownShare = 0.25;  // of a known object's box
   static constexpr double kMovingShare = 0.1;  // of the doubtful one's box
