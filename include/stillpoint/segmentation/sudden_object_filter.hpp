@@ -84,10 +84,10 @@ class SuddenObjectFilter {
            cells.moved < 0.02 * cells.all;
   }
 
-  static constexpr int kInsistentResults = 45;
-  static constexpr double kPauseS = 0.15;      // longer: people may have come close meanwhile
-  static constexpr double kKnownShare = 0.25;  // of a known object's box
-  static constexpr double kMovingShare = 0.1;  // of the doubtful one's box
+  static constexpr int kInsistentResults = 45;  // 1.5 s at 30 Hz; bursts of blur are shorter
+  static constexpr double kPauseS = 0.15;       // longer: people may have come close meanwhile
+  static constexpr double kKnownShare = 0.25;   // of a known object's box
+  static constexpr double kMovingShare = 0.1;   // of the doubtful one's box
 
   struct Candidate {
     cv::Rect box;
