@@ -64,11 +64,12 @@ class CellLabels {
   /// not of a person who moves only an arm. O(1).
   bool stood_alone(const cv::Point& pixel) const { return is_set(wide_alone_, pixel); }
 
-  /// How many cells of an instance, by its mask or its bare box, there are, earlier frames looked
-  /// at, are static, have moved. O(cells of the box).
+  /// How many cells there are, earlier frames looked at, are static, have moved.
   struct Counts {
     int all = 0, seen = 0, of_static = 0, moved = 0;
   };
+  /// Asks the cells at pixels of an instance, block_px() apart: those on its mask, or of its whole
+  /// box if that is bare. O(cells of the box).
   Counts count(const Instance& instance) const {
     Counts counts;
     if (empty()) return counts;
