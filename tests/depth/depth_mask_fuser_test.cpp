@@ -54,7 +54,10 @@ cv::Mat fused(const FlatScene& scene, const std::vector<Figure>& figures,
 cv::Mat paper_reference(const RgbdFrame& frame, const std::vector<Instance>& instances,
                         const Settings& settings, cv::Mat& doubtful) {
   const cv::Size size = frame.color.size();
-  const StratifiedSamples samples(settings.cell_px, settings.seed);
+  DepthView view;
+  view.set(frame, Camera());
+  DepthSamples samples(settings.cell_px, settings.seed);
+  samples.begin(view);
   cv::Mat out = mask_of(instances, size);
   doubtful = cv::Mat::zeros(size, CV_8UC1);
   for (const Instance& s : instances) {
@@ -64,7 +67,7 @@ cv::Mat paper_reference(const RgbdFrame& frame, const std::vector<Instance>& ins
     std::vector<double> values;
     for (int cy = 0; cy * settings.cell_px < size.height; ++cy)
       for (int cx = 0; cx * settings.cell_px < size.width; ++cx) {
-        const cv::Point p = samples.place(cx, cy, size);
+        const cv::Point p = samples.place({cx, cy});
         const double z = depth_m_at(frame, p.x, p.y);
         if (s.box.contains(p) && z > 0) values.push_back(z);
       }

@@ -33,7 +33,7 @@ void expect_floor(const InversePlane& plane, float height_m, float pitch) {
   for (const float y : {0.2f, 0.4f})
     for (const float x : {-0.5f, 0.0f, 0.5f}) {
       const float z = height_m / (std::cos(pitch) * y + std::sin(pitch));
-      EXPECT_NEAR(plane.depth_m(x, y), z, 0.02f * z) << "at " << x << " " << y;
+      EXPECT_NEAR(1 / plane.inverse_depth(x, y), z, 0.02f * z) << "at " << x << " " << y;
     }
 }
 
@@ -66,17 +66,19 @@ TEST(FloorPlane, IsNotATableThatCoversMoreOfThePicture) {
 
 TEST(FloorPlane, MovesWithTheCamera) {
   const float height_m = 1.2f, pitch = 0.3f;
-  const InversePlane floor = {0, std::cos(pitch) / height_m, std::sin(pitch) / height_m, true};
+  const InversePlane floor = {{0, std::cos(pitch) / height_m, std::sin(pitch) / height_m}, true};
   Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
   T.rotate(Eigen::AngleAxisd(0.2, Eigen::Vector3d(0.3, 0.5, 0.8).normalized()));
   T.pretranslate(Eigen::Vector3d(0.1, -0.2, 0.3));
   const InversePlane moved = floor.moved(T);
   ASSERT_TRUE(moved.found);
   for (const double x : {-0.5, 0.0, 0.5}) {
-    const Eigen::Vector3d p = static_cast<double>(floor.depth_m(static_cast<float>(x), 0.3f)) *
-                              Eigen::Vector3d(x, static_cast<double>(0.3f), 1);
+    const Eigen::Vector3d p =
+        static_cast<double>(1 / floor.inverse_depth(static_cast<float>(x), 0.3f)) *
+        Eigen::Vector3d(x, static_cast<double>(0.3f), 1);
     const Eigen::Vector3d q = T * p;
-    EXPECT_NEAR(moved.depth_m(static_cast<float>(q.x() / q.z()), static_cast<float>(q.y() / q.z())),
+    EXPECT_NEAR(1 / moved.inverse_depth(static_cast<float>(q.x() / q.z()),
+                                        static_cast<float>(q.y() / q.z())),
                 q.z(), 1e-4 * q.z());
   }
   EXPECT_FALSE(InversePlane().moved(T).found);
@@ -84,12 +86,12 @@ TEST(FloorPlane, MovesWithTheCamera) {
 
 TEST(FloorPlane, IsKeptInMindWherePeopleHideIt) {
   const float height_m = 1.2f, pitch = 0.3f;
-  const InversePlane floor = {0, std::cos(pitch) / height_m, std::sin(pitch) / height_m, true};
+  const InversePlane floor = {{0, std::cos(pitch) / height_m, std::sin(pitch) / height_m}, true};
   std::vector<InverseSample> samples = room(height_m, pitch, 0, 1);
   RandomGenerator random(1);
   int seen = 0;
   for (InverseSample& s : samples) {
-    const bool is_floor = std::abs(floor.b * s.y + floor.c - s.inverse) < 0.003f;
+    const bool is_floor = std::abs(floor.inverse_depth(s.x, s.y) - s.inverse) < 0.003f;
     if (is_floor && random.uniform() < 0.85)
       s.inverse = 1 / 0.5f;
     else
@@ -112,7 +114,6 @@ TEST(FloorPlane, IsNotSeenWhereThereIsNone) {
   EXPECT_FALSE(find_floor({}, InversePlane(), 1).found);
   const std::vector<InverseSample> same(100, {0.1f, 0.2f, 0.5f});
   EXPECT_FALSE(find_floor(same, InversePlane(), 1).found);
-  EXPECT_EQ(InversePlane().depth_m(0, 1), 0);
 }
 
 TEST(FloorPlane, NeedsSamples) {
@@ -134,15 +135,13 @@ TEST(FloorPlane, IsTheSameForTheSameSeed) {
   const auto samples = room(1.2f, 0.3f, 0.4f, 5);
   const InversePlane a = find_floor(samples, InversePlane(), 9),
                      b = find_floor(samples, InversePlane(), 9);
-  EXPECT_EQ(a.a, b.a);
-  EXPECT_EQ(a.b, b.b);
-  EXPECT_EQ(a.c, b.c);
+  EXPECT_EQ(a.n, b.n);
 }
 
 TEST(FloorPlane, RaysAboveTheHorizonMeetNothing) {
   const InversePlane plane = find_floor(room(1.2f, 0, 0, 1), InversePlane(), 1);
-  EXPECT_EQ(plane.depth_m(0, -0.3f), 0);
-  EXPECT_GT(plane.depth_m(0, 0.3f), 0);
+  EXPECT_LT(plane.inverse_depth(0, -0.3f), 0);
+  EXPECT_GT(plane.inverse_depth(0, 0.3f), 0);
 }
 
 }  // namespace

@@ -20,4 +20,10 @@ inline int scaled_px(int setting_px, const cv::Size& size) {
   return std::max(1, static_cast<int>(std::lround(setting_px * pixel_scale(size))));
 }
 
+/// `r` grown by `margin_px` on each side, clipped to the image.
+inline cv::Rect grow_rect(const cv::Rect& r, int margin_px, const cv::Size& size) {
+  const cv::Point margin(margin_px, margin_px);
+  return cv::Rect(r.tl() - margin, r.br() + margin) & cv::Rect(cv::Point(), size);
+}
+
 }  // namespace stillpoint

@@ -77,17 +77,23 @@ inline Instance instance_from_mask(const cv::Mat& full_mask,
   return instance;
 }
 
+namespace detail {
+
+/// Sets `mask` to 255 in the box of an instance: where its own mask is set, or everywhere.
+inline void add_to_mask(const Instance& instance, cv::Mat& mask) {
+  if (instance.mask.empty())
+    mask(instance.box).setTo(255);
+  else
+    mask(instance.box).setTo(255, instance.mask);
+}
+
+}  // namespace detail
+
 /// The instances as one mask of the whole image, CV_8UC1, 255 where one of them is; an instance
 /// with a box alone fills it. The boxes must lie inside the image. O(pixels).
 inline cv::Mat mask_from_instances(const std::vector<Instance>& instances, const cv::Size& size) {
   cv::Mat all = cv::Mat::zeros(size, CV_8UC1);
-  for (const Instance& s : instances) {
-    cv::Mat part = all(s.box);
-    if (s.mask.empty())
-      part.setTo(255);
-    else
-      part.setTo(255, s.mask);
-  }
+  for (const Instance& s : instances) detail::add_to_mask(s, all);
   return all;
 }
 

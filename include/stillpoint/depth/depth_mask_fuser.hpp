@@ -5,12 +5,10 @@
 #include <algorithm>
 #include <cstdint>
 #include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
 #include <optional>
 #include <vector>
 
-#include "stillpoint/core/camera.hpp"
-#include "stillpoint/core/depth_view.hpp"
-#include "stillpoint/core/frame.hpp"
 #include "stillpoint/core/frame_context.hpp"
 #include "stillpoint/core/image_scale.hpp"
 #include "stillpoint/core/instance.hpp"
@@ -18,8 +16,11 @@
 #include "stillpoint/core/mask_pool.hpp"
 #include "stillpoint/core/status.hpp"
 #include "stillpoint/depth/depth_mask_fuser_settings.hpp"
-#include "stillpoint/depth/dilate.hpp"
-#include "stillpoint/depth/instance_region.hpp"
+#include "stillpoint/depth/depth_samples.hpp"
+#include "stillpoint/depth/floor_plane.hpp"
+#include "stillpoint/depth/object_depth_range.hpp"
+#include "stillpoint/depth/object_region.hpp"
+#include "stillpoint/depth/region_pixels.hpp"
 
 namespace stillpoint {
 
@@ -28,12 +29,14 @@ namespace stillpoint {
 /// Paper preset: per box the mean of stratified depth samples gives a range; the box's pixels in
 /// that range join the mask. Default preset: the samples on the instance's own mask give the range;
 /// the mask loses what lies clearly behind or before the person, and grows into what is connected
-/// with it in depth, but not into the floor (see InstanceRegion). Then both are dilated.
+/// with it in depth, but not into the floor. Which depth range an object has (ObjectDepthRange),
+/// which other parts of the mask belong to it and how far it grows (ObjectRegion) is decided on
+/// cells with one depth sample each; what is at its rim on pixels (RegionPixels). Then both are
+/// dilated.
 ///
 /// 16-bit depth is read as it is with the frame's scale, CV_32FC1 as metres; 0 and NaN are "no
-/// measurement". Deterministic for a seed. Cost: O(pixels of the boxes) and one dilation of
-/// their union.
-/// Keeps its images: after the first frames only OpenCV's filters allocate, a few rows. Not
+/// measurement". Deterministic for a seed. Cost: O(pixels of the boxes) and one dilation of their
+/// union. Keeps its images: after the first frames only OpenCV's filters allocate, a few rows. Not
 /// thread-safe.
 class DepthMaskFuser {
  public:
@@ -42,7 +45,7 @@ class DepthMaskFuser {
   /// `camera` tells the focal length for the reach of the growth and for the floor; without it
   /// 0.9 times the image's width is assumed.
   explicit DepthMaskFuser(const Settings& settings = {}, const Camera& camera = {})
-      : settings_(settings), camera_(camera), region_(settings) {
+      : settings_(settings), camera_(camera), samples_(settings.cell_px, settings.seed) {
     settings.check();
   }
 
@@ -90,62 +93,124 @@ class DepthMaskFuser {
   void find_instances(const FrameContext& context, const Segmentation& segmentation,
                       bool use_depth) {
     const DepthView& depth = context.depth;
-    const std::size_t n = segmentation.instances.size();
-    const bool has_depth = use_depth && !depth.empty();
-    status_ = depth.empty() ? kNoDepth : kOk;
-    if (has_depth) {
-      if (!depth.any_measured(segmentation.instances)) status_ = kNoDepth;
-      region_.begin_frame(depth, segmentation.instances, context.T_current_last);
+    status_ = !depth.empty() && depth.any_measured(segmentation.instances) ? kOk : kNoDepth;
+    one_.create(context.size(), CV_8UC1);
+    dilated_.create(context.size(), CV_8UC1);
+    use_depth = use_depth && !depth.empty();
+    if (use_depth) begin_depth(depth, segmentation.instances, context.T_current_last);
+    undilated_.create(context.size(), CV_8UC1);
+    undilated_.setTo(0);
+    fused_.clear();
+    for (const Instance& s : segmentation.instances) {
+      fused_.push_back(s);
+      if (use_depth) find_mask(context.labels, fused_.back());
+      detail::add_to_mask(fused_.back(), undilated_);
     }
-    detail::clear_mask(context.size(), undilated_);
-    fused_.resize(n);
-    for (Instance& s : fused_) s.mask.release();
-    for (std::size_t i = 0; i < n; ++i) {
-      if (has_depth)
-        region_.fuse(depth, segmentation.instances[i], context.labels, masks_, fused_[i]);
-      else
-        fused_[i] = segmentation.instances[i];
-      detail::add_to_mask(fused_[i].mask, fused_[i].box, undilated_);
+  }
+
+  // Takes the samples and finds the floor, which the camera's motion carries along if it is known.
+  void begin_depth(const DepthView& depth, const std::vector<Instance>& instances,
+                   const std::optional<Eigen::Isometry3d>& T_current_last) {
+    const int cell_px = std::max(settings_.cell_px, scaled_px(settings_.cell_px, depth.size()));
+    if (cell_px != samples_.cell_px()) samples_ = DepthSamples(cell_px, settings_.seed);
+    if (T_current_last) floor_ = floor_.moved(*T_current_last);
+    if (instances.empty()) return;
+    samples_.begin(depth);
+    if (settings_.method == Settings::Method::kPaper) return;
+    collect_floor_samples(depth, instances, floor_samples_);
+    floor_ = find_floor(floor_samples_, floor_, settings_.seed, T_current_last.has_value());
+  }
+
+  // Turns the mask of an instance, or its bare box, into what is the object's in depth.
+  void find_mask(const CellLabels& labels, Instance& instance) {
+    const bool paper = settings_.method == Settings::Method::kPaper;
+    DepthRange range;
+    samples_.take(samples_.cells_of(instance.box));
+    if (!paper && ranges_.find_on_mask(samples_, instance, labels, states_, range))
+      return find_connected(labels, range, instance);
+    const bool in_box =
+        paper && ranges_.find_in_box(samples_, instance.box, settings_.range_m, range);
+    const cv::Mat own = instance.mask;
+    instance.mask = masks_.take(instance.box.size());
+    // Without depth to judge by, a mask stays as it is, and a bare box is full.
+    if (own.empty())
+      instance.mask.setTo(in_box ? 0 : 255);
+    else
+      own.copyTo(instance.mask);
+    if (!in_box) return;
+    // The paper's: every pixel of the box whose depth is in the range.
+    const DepthView& depth = samples_.depth();
+    cv::Mat in_range = one_(instance.box);
+    cv::inRange(depth.image()(instance.box), std::max(1, depth.first_units(range.lo_m)),
+                depth.last_units(range.hi_m), in_range);
+    cv::bitwise_or(instance.mask, in_range, instance.mask);
+  }
+
+  // The default: what is connected in depth with the samples on the mask. The box may become
+  // larger.
+  void find_connected(const CellLabels& labels, const DepthRange& range, Instance& instance) {
+    const DepthView& depth = samples_.depth();
+    const int cell_px = samples_.cell_px();
+    const float cells_per_m = depth.focal_px() / range.middle_m / static_cast<float>(cell_px);
+    const int reach = std::max(1, static_cast<int>(settings_.growth_m * cells_per_m + 0.5f));
+    const bool bare = instance.mask.empty();
+    region_.begin(samples_, floor_, instance.box, (bare ? 1 : reach + 1) * cell_px, range, states_);
+    if (!bare) {
+      const float slack_m = instance.predicted ? kPredictedSlackM : 0;
+      region_.keep_parts(static_cast<int>(slack_m * cells_per_m + 0.5f));
     }
+    // What has no name was found by its motion, the better evidence: the part of a person that is
+    // held still is taken for static, too.
+    region_.grow(range, settings_.range_m, reach, labels, instance.class_name.empty());
+    const cv::Rect area = cv::Rect(region_.used().tl() * cell_px, region_.used().size() * cell_px) &
+                          cv::Rect(cv::Point(), depth.size());
+    cv::Mat mask = masks_.take(area.size());
+    pixels_.find(region_, instance, area, mask);
+    instance.box = area, instance.mask = mask;
   }
 
   // All instances at once, and those once more that are dilated more than the others.
   void dilate(const cv::Size& size, int widening_px) {
     if (detail::MaskPool::held_elsewhere(mask_.image)) mask_.image.release();
-    detail::clear_mask(size, mask_.image);
-    dilated_.create(size, CV_8UC1);
+    mask_.image.create(size, CV_8UC1);
+    mask_.image.setTo(0);
     const int least_px = scaled_px(settings_.dilation_px + widening_px, size);
     cv::Rect region;
     for (const Instance& s : fused_) region |= s.box;
-    if (!region.empty()) {
-      const cv::Rect grown = grow_rect(region, least_px, size);
-      cv::Mat all = mask_.image(grown);
-      detail::dilate_square(undilated_(grown), least_px, all);
-    }
+    add_dilated(undilated_, grow_rect(region, least_px, size), least_px);
     for (const Instance& s : fused_) {
-      const int px = dilation_of(s.blur, widening_px, size);
+      Blur blur = s.blur;
+      blur.motion_px /= pixel_scale(size);  // the settings' pixels are those of an image 640 wide
+      const int px = scaled_px(settings_.dilation_of(blur) + widening_px, size);
       if (px <= least_px) continue;
       const cv::Rect grown = grow_rect(s.box, px, size);
-      one_.create(size, CV_8UC1);
       one_(grown).setTo(0);
-      detail::add_to_mask(s.mask, s.box, one_);
-      cv::Mat dilated = dilated_(grown), all = mask_.image(grown);
-      detail::dilate_square(one_(grown), px, dilated);
-      cv::bitwise_or(all, dilated, all);
+      detail::add_to_mask(s, one_);
+      add_dilated(one_, grown, px);
     }
     mask_share_ = mask_.coverage();
   }
 
-  // Of an instance, in pixels of the image: the settings' are those of one 640 wide.
-  int dilation_of(Blur blur, int widening_px, const cv::Size& size) const {
-    blur.motion_px /= pixel_scale(size);
-    return scaled_px(settings_.dilation_of(blur) + widening_px, size);
+  void add_dilated(const cv::Mat& from, const cv::Rect& part, int px) {
+    if (part.empty()) return;
+    cv::Mat dilated = dilated_(part), all = mask_.image(part);
+    cv::dilate(from(part), dilated, cv::Mat(), {-1, -1}, px,
+               cv::BORDER_CONSTANT | cv::BORDER_ISOLATED);
+    cv::bitwise_or(all, dilated, all);
   }
+
+  static constexpr float kPredictedSlackM = 0.06f;  // how far off a predicted mask may be
 
   Settings settings_;
   Camera camera_;
   FrameContext own_context_;
-  InstanceRegion region_;
+  DepthSamples samples_;
+  std::vector<InverseSample> floor_samples_;
+  InversePlane floor_;
+  ObjectDepthRange ranges_;
+  CellStates states_;
+  ObjectRegion region_;
+  RegionPixels pixels_;
   DynamicMask mask_;
   std::vector<Instance> fused_;
   detail::MaskPool masks_;  // of fused_

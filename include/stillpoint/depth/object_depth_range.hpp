@@ -5,20 +5,19 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <numeric>
 #include <opencv2/core.hpp>
 #include <vector>
 
 #include "stillpoint/core/cell_labels.hpp"
-#include "stillpoint/core/depth_view.hpp"
 #include "stillpoint/core/instance.hpp"
-#include "stillpoint/depth/stratified_samples.hpp"
+#include "stillpoint/depth/depth_samples.hpp"
 
 namespace stillpoint {
 
 /// The depths that an object takes, metres: the "human value range" of paper section 3.2.
 struct DepthRange {
-  float lo_m = 0, hi_m = 0;
-  float middle_m = 0;
+  float lo_m = 0, hi_m = 0, middle_m = 0;
 };
 
 /// Finds an object's depth range from stratified samples.
@@ -26,38 +25,34 @@ class ObjectDepthRange {
  public:
   /// The paper's: mean of the samples in the box (those within three standard deviations) +-
   /// `alpha_m`. False if no sample has depth. O(samples in the box).
-  bool find_in_box(const DepthView& depth, const StratifiedSamples& samples, const cv::Rect& box,
-                   float alpha_m, DepthRange& range) {
+  bool find_in_box(const DepthSamples& samples, const cv::Rect& box, float alpha_m,
+                   DepthRange& range) {
     values_.clear();
-    const cv::Rect cells = samples.cells_of(box);
-    for (int cy = cells.y; cy < cells.y + cells.height; ++cy)
-      for (int cx = cells.x; cx < cells.x + cells.width; ++cx) {
-        const cv::Point p = samples.place(cx, cy, depth.size());
-        if (!box.contains(p)) continue;
-        if (const std::uint16_t z = depth.row(p.y)[p.x]) values_.push_back(depth.to_m(z));
-      }
+    samples.for_each_in(box, [&](const cv::Point& cell, const cv::Point&) {
+      if (const float z = samples.z(cell); z > 0) values_.push_back(z);
+    });
     if (values_.empty()) return false;
-    double mean = 0, square = 0;
-    for (float v : values_) mean += v, square += static_cast<double>(v) * v;
-    const double n = static_cast<double>(values_.size());
-    mean /= n;
-    const double limit = 3 * std::sqrt(std::max(0.0, square / n - mean * mean));
-    double sum = 0, count = 0;
-    for (float v : values_)
-      if (std::abs(v - mean) <= limit) sum += v, ++count;
-    if (count > 0) mean = sum / count;
-    range.middle_m = static_cast<float>(mean);
+    cv::Scalar mean, deviation;
+    cv::meanStdDev(values_, mean, deviation);
+    double sum = 0;
+    int count = 0;
+    for (const float z : values_)
+      if (std::abs(z - mean[0]) <= 3 * deviation[0]) sum += z, ++count;
+    range.middle_m = static_cast<float>(count > 0 ? sum / count : mean[0]);
     range.lo_m = range.middle_m - alpha_m, range.hi_m = range.middle_m + alpha_m;
     return true;
   }
 
   /// The default: the samples on the instance's own mask; of their histogram's modes the one where
   /// the object is expected, else the nearest that matters, and what hangs together with it. False
-  /// if too few samples have depth. In a bare box what is `known_static` (if given) counts only if
-  /// hardly anything else is there. O(samples in the box).
-  bool find_on_mask(const DepthView& depth, const StratifiedSamples& samples,
-                    const Instance& instance, const CellLabels* known_static, DepthRange& range) {
-    if (!fill_histogram(depth, samples, instance, known_static)) return false;
+  /// if too few samples have depth. In a bare box what `labels` knows to be static counts only if
+  /// hardly anything else is there. `states` become kOnMask where samples on the mask have depth
+  /// and, in a bare box, are not known to be static; else kOffMask. O(samples in the box).
+  bool find_on_mask(const DepthSamples& samples, const Instance& instance, const CellLabels& labels,
+                    CellStates& states, DepthRange& range) {
+    if (!fill_histogram(samples, instance, labels, false, states) &&
+        !fill_histogram(samples, instance, labels, true, states))
+      return false;
     const int peak = main_mode(instance.depth_m);
     const int enough = std::max(1, smooth(peak) / 25);
     int lo = peak, hi = peak;
@@ -70,62 +65,45 @@ class ObjectDepthRange {
     return true;
   }
 
-  /// The samples of the instance of the last find_on_mask(), in units, for each cell of the image;
-  /// valid in the cells of its box. 0 where the sample is not on the mask, has no depth or, in a
-  /// bare box, is known to be static.
-  const cv::Mat_<std::uint16_t>& samples_on_mask() const { return on_mask_; }
-
  private:
   static constexpr int kBins = 256;
   static constexpr float kBinM = 0.05f;
   static constexpr float kReachM = 0.7f;  // a person's arm
 
-  bool fill_histogram(const DepthView& depth, const StratifiedSamples& samples,
-                      const Instance& instance, const CellLabels* known_static) {
-    const cv::Rect &box = instance.box, cells = samples.cells_of(box);
+  // False if too few of the samples have depth.
+  bool fill_histogram(const DepthSamples& samples, const Instance& instance,
+                      const CellLabels& labels, bool count_static, CellStates& states) {
+    const cv::Rect& box = instance.box;
     const bool bare = instance.mask.empty();
-    const float to_bin = depth.metres_per_unit_value() / kBinM;
-    on_mask_.create(samples.grid_size(depth.size()));
+    const float bins_per_unit = samples.depth().metres_per_unit_value() / kBinM;
+    states.create(samples.units().size());
+    states.setTo(static_cast<int>(kOffMask));
     histogram_.fill(0);
-    total_ = 0;
-    std::array<int, kBins> of_static{};
-    int on_mask = 0, measured = 0, measured_static = 0;
-    for (int cy = cells.y; cy < cells.y + cells.height; ++cy)
-      for (int cx = cells.x; cx < cells.x + cells.width; ++cx) {
-        std::uint16_t& sample = on_mask_(cy, cx);
-        sample = 0;
-        const cv::Point p = samples.place(cx, cy, depth.size());
-        if (!box.contains(p) || !(bare || instance.mask.at<uchar>(p - box.tl()))) continue;
-        ++on_mask;
-        const std::uint16_t units = depth.row(p.y)[p.x];
-        if (units == 0) continue;
-        const std::size_t bin =
-            std::min(kBins - std::size_t{1}, static_cast<std::size_t>(units * to_bin));
-        // In a bare box the person is in the middle columns.
-        const bool middle = 8 * std::abs(2 * (p.x - box.x) - box.width) < 3 * box.width;
-        const int weight = bare && middle ? 4 : 1;
-        if (bare && known_static && known_static->known_static(p)) {
-          ++measured_static, of_static[bin] += weight;
-        } else {
-          sample = units;
-          ++measured, histogram_[bin] += weight, total_ += weight;
-        }
-      }
-    if (enough_of(measured, on_mask - measured_static)) return true;
-    for (std::size_t b = 0; b < histogram_.size(); ++b)
-      histogram_[b] += of_static[b], total_ += of_static[b];
-    return enough_of(measured + measured_static, on_mask);
+    int all = 0, measured = 0;
+    samples.for_each_in(box, [&](const cv::Point& cell, const cv::Point& p) {
+      if (!bare && instance.mask.at<uchar>(p - box.tl()) == 0) return;
+      const std::uint16_t units = samples.units()(cell);
+      const bool is_static = bare && units > 0 && labels.known_static(p);
+      if (is_static && !count_static) return;
+      ++all;
+      if (units == 0) return;
+      ++measured;
+      // In a bare box the person is in the middle columns.
+      const bool middle = bare && 8 * std::abs(2 * (p.x - box.x) - box.width) < 3 * box.width;
+      const int bin = std::min(kBins - 1, static_cast<int>(units * bins_per_unit));
+      histogram_[slot(bin)] += middle ? 4 : 1;
+      if (!is_static) states(cell) = kOnMask;
+    });
+    return measured >= 6 && measured * 5 >= all;
   }
 
-  static bool enough_of(int measured, int on_mask) {
-    return measured >= 6 && measured * 5 >= on_mask;
-  }
-
-  int count(int bin) const {
-    return bin < 0 || bin >= kBins ? 0 : histogram_[static_cast<std::size_t>(bin)];
-  }
+  // The histogram has an empty bin at either end.
+  static std::size_t slot(int bin) { return static_cast<std::size_t>(bin + 1); }
+  int count(int bin) const { return histogram_[slot(bin)]; }
   int smooth(int bin) const { return count(bin - 1) + 2 * count(bin) + count(bin + 1); }
-
+  int mass(int from, int to) const {
+    return std::accumulate(&histogram_[slot(from)], &histogram_[slot(to)] + 1, 0);
+  }
   int highest(int from, int to) const {
     int best = from;
     for (int b = from + 1; b <= to; ++b)
@@ -138,26 +116,22 @@ class ObjectDepthRange {
       const int at = std::min(kBins - 1, static_cast<int>(expected_m / kBinM));
       const int reach = static_cast<int>(0.35f / kBinM);
       const int from = std::max(0, at - reach), to = std::min(kBins - 1, at + reach);
-      int mass = 0;
-      for (int b = from; b <= to; ++b) mass += count(b);
-      if (mass * 8 > total_) return highest(from, to);
+      if (mass(from, to) * 8 > mass(0, kBins - 1)) return highest(from, to);
     }
     // A careless mask takes in the wall behind: the nearest mode that matters is the person.
     const int largest = highest(0, kBins - 1);
-    for (int b = 1, mode = 0, mass = 0; b < largest; ++b) {
-      mass += count(b);
+    for (int b = 1, mode = 0, first = 1; b < largest; ++b) {
       if (smooth(b) > smooth(mode)) mode = b;
       if (4 * smooth(b) >= smooth(mode)) continue;
-      if (5 * mass > total_ && smooth(mode) > 0) return mode;  // it has ended before the largest
-      mode = b, mass = 0;
+      // It has ended before the largest.
+      if (5 * mass(first, b) > mass(0, kBins - 1) && smooth(mode) > 0) return mode;
+      mode = b, first = b + 1;
     }
     return largest;
   }
 
-  std::array<int, kBins> histogram_{};
-  int total_ = 0;
+  std::array<int, kBins + 2> histogram_{};
   std::vector<float> values_;
-  cv::Mat_<std::uint16_t> on_mask_;
 };
 
 }  // namespace stillpoint

@@ -2,16 +2,14 @@
 #pragma once
 
 #include <algorithm>
-#include <cstddef>
 #include <cstdint>
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
-#include <vector>
 
 #include "stillpoint/core/config.hpp"
 #include "stillpoint/core/depth_view.hpp"
 #include "stillpoint/core/instance.hpp"
-#include "stillpoint/depth/region_cells.hpp"
+#include "stillpoint/depth/object_region.hpp"
 
 namespace stillpoint {
 
@@ -21,89 +19,76 @@ namespace stillpoint {
 class RegionPixels {
  public:
   /// Writes the mask, CV_8UC1 of the size of `area`, the pixels of the cells used. O(pixels).
-  void find(const RegionCells& cells, int cell_px, const Instance& instance, const cv::Rect& area,
+  void find(const ObjectRegion& region, const Instance& instance, const cv::Rect& area,
             cv::Mat& mask) {
-    find_bounds(cells);
-    const DepthView& depth = cells.depth();
+    find_bounds(region);
+    const cv::Mat depth = region.samples().depth().image()(area);
+    const int cell_px = region.samples().cell_px();
+    const cv::Rect box = instance.box - area.tl();
     for (int y = 0; y < area.height; ++y) {
-      if (y % cell_px == 0) spread_row(y / cell_px, cell_px);
-      const std::uint16_t* z = depth.row(area.y + y) + area.x;
-      in_bounds(z, area.width, mask.ptr<uchar>(y));
-      const int in_box = area.y + y - instance.box.y;
-      if (instance.mask.empty() || in_box < 0 || in_box >= instance.box.height) continue;
-      const int x = instance.box.x - area.x;
-      add_unmeasured(z + x, instance.mask.ptr<uchar>(in_box), instance.box.width,
-                     mask.ptr<uchar>(y) + x);
+      const std::uint16_t* z = depth.ptr<std::uint16_t>(y);
+      find_in_bounds(z, lo_[y / cell_px], hi_[y / cell_px], area.width, mask.ptr<uchar>(y));
+      if (!instance.mask.empty() && y >= box.y && y < box.br().y)
+        add_unmeasured(z + box.x, instance.mask.ptr<uchar>(y - box.y), box.width,
+                       mask.ptr<uchar>(y) + box.x);
     }
     // At outlines cameras measure nothing.
-    wide_.create(depth.size());
+    wide_.create(region.samples().depth().size());
     cv::Mat wide = wide_(area);
-    detail::dilate_square(mask, 1, wide);
+    cv::dilate(mask, wide, cv::Mat(), {-1, -1}, 1, cv::BORDER_CONSTANT | cv::BORDER_ISOLATED);
     for (int y = 0; y < area.height; ++y)
-      add_unmeasured(depth.row(area.y + y) + area.x, wide.ptr<uchar>(y), area.width,
+      add_unmeasured(depth.ptr<std::uint16_t>(y), wide.ptr<uchar>(y), area.width,
                      mask.ptr<uchar>(y));
   }
 
  private:
-  static constexpr std::uint16_t kMost = 65535;
+  static constexpr int kMost = 65535;
 
-  // The depths, in units, that pixels of each cell used may have: those of the cells of the region
-  // around it, and a little more.
-  void find_bounds(const RegionCells& cells) {
-    lo_.create(cells.used.size()), hi_.create(cells.used.size());
-    for (int y = 0; y < lo_.rows; ++y)
-      for (int x = 0; x < lo_.cols; ++x) {
-        const cv::Point cell = cells.used.tl() + cv::Point(x, y);
-        int in_region = 0;
-        float low = 1e9f, high = 0;
-        for (int v = cell.y - 1; v <= cell.y + 1; ++v) {
-          const CellState* state = cells.state_row(v) + cell.x;
-          const float* z = cells.z_row(v) + cell.x;
-          for (int u = -1; u <= 1; ++u) {
-            const bool in = state[u] == CellState::kRegion;
-            in_region += in;
-            low = std::min(low, in ? z[u] : 1e9f), high = std::max(high, in ? z[u] : 0);
-          }
+  // The depths, in units, that pixels of the cells used may have: those of the cells of the region
+  // around each, and a little more. A row for each row of cells, a column for each pixel.
+  void find_bounds(const ObjectRegion& region) {
+    const cv::Mat units = region.samples().units()(region.used());
+    cv::compare(region.states()(region.used()), static_cast<int>(kRegion), region_, cv::CMP_EQ);
+    least_.create(units.size()), most_.create(units.size());
+    least_.setTo(kMost), most_.setTo(0);
+    units.copyTo(least_, region_);
+    units.copyTo(most_, region_);
+    const cv::Mat around;  // 3 x 3 cells
+    cv::erode(least_, least_, around);
+    cv::dilate(most_, most_, around);
+    cv::erode(region_, region_, around, {-1, -1}, 1, cv::BORDER_CONSTANT, 0);
+    const DepthView& depth = region.samples().depth();
+    for (int y = 0; y < units.rows; ++y)
+      for (int x = 0; x < units.cols; ++x) {
+        const float near_m = depth.to_m(least_(y, x)), far_m = depth.to_m(most_(y, x));
+        const float slack_m = 0.03f + 0.01f * near_m;
+        int lo = 1, hi = 0;  // no pixel
+        if (region_(y, x) != 0) {
+          lo = 0, hi = kMost;  // all, measured or not
+        } else if (far_m > 0) {
+          lo = std::max(1, depth.first_units(near_m - slack_m));
+          hi = std::max(lo, depth.last_units(far_m + slack_m));
         }
-        lo_(y, x) = 1, hi_(y, x) = 0;  // no pixel
-        if (in_region == 9) {
-          lo_(y, x) = 0, hi_(y, x) = kMost;  // all, measured or not
-        } else if (in_region > 0) {
-          const float slack = 0.03f + 0.01f * low;
-          const int first = std::max(1, cells.depth().first_units(low - slack));
-          const int last = cells.depth().last_units(high + slack);
-          lo_(y, x) = static_cast<std::uint16_t>(first);
-          hi_(y, x) = static_cast<std::uint16_t>(std::max(first, last));
-        }
+        least_(y, x) = static_cast<std::uint16_t>(lo), most_(y, x) = static_cast<std::uint16_t>(hi);
       }
+    const cv::Size wide(units.cols * region.samples().cell_px(), units.rows);
+    cv::resize(least_, lo_, wide, 0, 0, cv::INTER_NEAREST);
+    cv::resize(most_, hi_, wide, 0, 0, cv::INTER_NEAREST);
   }
 
-  // The bounds of a row of cells, for each pixel.
-  void spread_row(int row, int cell_px) {
-    const std::size_t cell = static_cast<std::size_t>(cell_px);
-    lo_row_.resize(static_cast<std::size_t>(lo_.cols) * cell);
-    hi_row_.resize(lo_row_.size());
-    for (int x = 0; x < lo_.cols; ++x) {
-      const std::ptrdiff_t at = static_cast<std::ptrdiff_t>(x) * cell_px;
-      std::fill_n(lo_row_.begin() + at, cell, lo_(row, x));
-      std::fill_n(hi_row_.begin() + at, cell, hi_(row, x));
-    }
-  }
-
-  // Without branches, as loops of vector instructions.
-  void in_bounds(const std::uint16_t* z, int n, uchar* STILLPOINT_RESTRICT out) const {
-    const std::uint16_t *lo = lo_row_.data(), *hi = hi_row_.data();
+  // These two without branches, as loops of vector instructions.
+  static void find_in_bounds(const std::uint16_t* z, const std::uint16_t* lo,
+                             const std::uint16_t* hi, int n, uchar* STILLPOINT_RESTRICT out) {
     for (int x = 0; x < n; ++x) out[x] = ((z[x] >= lo[x]) & (z[x] <= hi[x])) ? 255 : 0;
   }
-
-  // Adds the pixels of `among` that have no depth.
   static void add_unmeasured(const std::uint16_t* z, const uchar* among, int n,
                              uchar* STILLPOINT_RESTRICT out) {
     for (int x = 0; x < n; ++x) out[x] = ((z[x] == 0) & (among[x] != 0)) ? 255 : out[x];
   }
 
-  cv::Mat_<std::uint16_t> lo_, hi_;  // of the cells used
-  std::vector<std::uint16_t> lo_row_, hi_row_;
+  cv::Mat_<uchar> region_;                // of the cells used
+  cv::Mat_<std::uint16_t> least_, most_;  // of the cells used, units
+  cv::Mat_<std::uint16_t> lo_, hi_;
   cv::Mat_<uchar> wide_;  // of the image
 };
 

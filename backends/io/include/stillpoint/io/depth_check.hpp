@@ -147,7 +147,7 @@ class DepthScaleCheck {
     for (InverseSample& s : samples) s.inverse *= static_cast<float>(unit);
     const InversePlane floor = find_floor(samples, {}, 1);
     if (floor.found)
-      floors_m_.push_back(static_cast<float>(unit / std::hypot(floor.a, floor.b, floor.c)));
+      floors_m_.push_back(static_cast<float>(unit / static_cast<double>(floor.n.norm())));
   }
 
   // Who is cut off by the border, or far too narrow a box, says nothing.
