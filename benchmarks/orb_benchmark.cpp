@@ -2,12 +2,20 @@
 // The yardstick: what a SLAM system spends on its keypoints anyway.
 #include <benchmark/benchmark.h>
 
+#include <cstdio>
 #include <ctime>
 
 #include "scene.hpp"
 
 namespace stillpoint {
 namespace bench {
+
+#ifndef NDEBUG
+const bool kSaidSo = std::fputs(
+                         "***WARNING*** Built with assertions, as the tests are: slower than "
+                         "a build of type Release.\n",
+                         stderr) >= 0;
+#endif
 
 double orb_seconds() {
   const Scene& scene = rendered_scene();

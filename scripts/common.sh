@@ -58,5 +58,7 @@ configure_arguments() {
   fi
 }
 
-# Lets ccache keep objects that use a precompiled header.
+# Lets ccache keep objects that use a precompiled header, and find those of another folder of the
+# project: the test of `pip install .` compiles what the build has compiled.
 export CCACHE_SLOPPINESS=${CCACHE_SLOPPINESS:-pch_defines,time_macros}
+export CCACHE_BASEDIR=${CCACHE_BASEDIR:-$root}

@@ -24,9 +24,8 @@ class PositionVelocityFilter {
   /// Goes on by `seconds` >= 0; in a second the velocity changes by `acceleration` m/s (one
   /// standard deviation of each axis).
   void predict(double seconds, double acceleration) {
-    const Eigen::Matrix3d P_vp = P_pv_.transpose();
     p_ += seconds * v_;
-    P_pp_ += seconds * (P_pv_ + P_vp);
+    P_pp_ += seconds * (P_pv_ + P_pv_.transpose());
     P_pp_ += seconds * seconds * P_vv_;
     P_pv_ += seconds * P_vv_;
     const double q = acceleration * acceleration * seconds;
@@ -38,8 +37,7 @@ class PositionVelocityFilter {
   /// Takes a measured position with its covariance.
   void correct(const Eigen::Vector3d& position, const Eigen::Matrix3d& covariance) {
     const Eigen::Matrix3d S = P_pp_ + covariance, S_inverse = S.inverse();
-    const Eigen::Matrix3d P_vp = P_pv_.transpose();
-    const Eigen::Matrix3d K_p = P_pp_ * S_inverse, K_v = P_vp * S_inverse;
+    const Eigen::Matrix3d K_p = P_pp_ * S_inverse, K_v = P_pv_.transpose() * S_inverse;
     const Eigen::Vector3d off = position - p_;
     p_ += K_p * off;
     v_ += K_v * off;
