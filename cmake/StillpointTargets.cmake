@@ -91,8 +91,7 @@ function(stillpoint_private_warnings target)
 endfunction()
 
 # A program of the project's own GoogleTest tests over `sources`, linked with the targets in ARGN;
-# each test becomes one of ctest's. Does nothing when tests are off. An optimized build compiles them
-# with -O1, in a quarter less time; what takes long in them is in libraries that keep their own flags.
+# each test becomes one of ctest's. Does nothing when tests are off.
 function(stillpoint_test_program name sources)
   if(NOT STILLPOINT_BUILD_TESTS)
     return()
@@ -101,7 +100,6 @@ function(stillpoint_test_program name sources)
   target_link_libraries(${name} PRIVATE ${ARGN} GTest::gtest_main)
   target_compile_definitions(${name} PRIVATE
     STILLPOINT_SHARED_DATA="${PROJECT_SOURCE_DIR}/../shared/data")
-  target_compile_options(${name} PRIVATE $<$<CONFIG:Release>:-O1>)
   stillpoint_private_warnings(${name})
   gtest_discover_tests(${name} DISCOVERY_TIMEOUT 60)
 endfunction()

@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <opencv2/core.hpp>
+#include <optional>
 #include <vector>
 
 #include "stillpoint/core/camera.hpp"
@@ -22,6 +23,7 @@ class DepthView {
   /// 32F.
   void set(const RgbdFrame& frame, const Camera& camera) {
     const cv::Size size = frame.color.size();
+    any_measured_.reset();
     lens_.set(camera, size);
     if (frame.depth.empty()) return clear();
     if (frame.depth.depth() == CV_16U) {
@@ -44,21 +46,18 @@ class DepthView {
   }
 
   /// Refers to nothing: every depth is "no measurement".
-  void clear() { image_ = cv::Mat(); }
+  void clear() { image_ = cv::Mat(), any_measured_ = false; }
   bool empty() const { return image_.empty(); }
 
-  /// Whether any pixel is measured, asked of the instances' boxes first. O(pixels of the boxes /
-  /// 32) unless these are black.
+  /// Whether any pixel is measured, asked of the instances' boxes first. The first call of a frame
+  /// takes O(pixels of the boxes / 32) unless these are black.
   bool any_measured(const std::vector<Instance>& instances = {}) const {
+    if (any_measured_) return *any_measured_;
     bool any = false;
     for (const Instance& s : instances) any |= glance(s.box);
-    if (any || glance({cv::Point(), image_.size()})) return true;
-    unsigned bits = 0;
-    for (int y = 0; bits == 0 && y < image_.rows; ++y) {
-      const std::uint16_t* z = row(y);
-      for (int x = 0; x < image_.cols; ++x) bits |= z[x];
-    }
-    return bits != 0;
+    any = any || glance({cv::Point(), image_.size()});
+    any_measured_ = any || cv::countNonZero(image_) > 0;
+    return *any_measured_;
   }
 
   const std::uint16_t* row(int y) const { return image_.ptr<std::uint16_t>(y); }
@@ -106,6 +105,7 @@ class DepthView {
   static constexpr float kSlackM = 1e-5f;
 
   cv::Mat image_, converted_;
+  mutable std::optional<bool> any_measured_ = false;  // empty: not yet known
   float metres_per_unit_ = 1;
   Lens lens_;
 };

@@ -93,7 +93,7 @@ class DepthMaskFuser {
   void find_instances(const FrameContext& context, const Segmentation& segmentation,
                       bool use_depth) {
     const DepthView& depth = context.depth;
-    status_ = !depth.empty() && depth.any_measured(segmentation.instances) ? kOk : kNoDepth;
+    status_ = depth.any_measured(segmentation.instances) ? kOk : kNoDepth;
     one_.create(context.size(), CV_8UC1);
     dilated_.create(context.size(), CV_8UC1);
     use_depth = use_depth && !depth.empty();

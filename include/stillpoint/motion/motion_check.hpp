@@ -57,7 +57,7 @@ class MotionCheck {
   const std::vector<Instance>& find(FrameContext& context, EgoMotion& ego) {
     detector_.clear();
     judged_ = false;
-    if (context.depth.empty() || !context.depth.any_measured()) return detector_.found();
+    if (!context.depth.any_measured()) return detector_.found();
     if (context.size() != size_ || context.frame.timestamp <= last_s_) reset();
     size_ = context.size();
     last_s_ = context.frame.timestamp;

@@ -113,8 +113,9 @@ class MoverDetector {
     instance.box = cv::Rect(box.x * b, box.y * b, box.width * b, box.height * b);
     instance.mask = masks_.take(instance.box.size());
     instance.mask.setTo(0);
-    for (const Visit& v : queue_)
-      instance.mask(cv::Rect((v.x - box.x) * b, (v.y - box.y) * b, b, b)).setTo(255);
+    for (const Visit& v : queue_)  // by OpenCV's setTo() five times slower, as it is called often
+      for (int y = (v.y - box.y) * b; y < (v.y - box.y + 1) * b; ++y)
+        std::fill_n(instance.mask.ptr<uchar>(y) + (v.x - box.x) * b, b, uchar{255});
   }
 
   Settings settings_;

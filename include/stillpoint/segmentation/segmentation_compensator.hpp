@@ -154,8 +154,7 @@ class SegmentationCompensator {
     status_ = kOk;
     restored_ = 0;
     // A depth image that is black all over tells no more than none at all.
-    has_depth_ = settings_.use_depth && !context.depth.empty() &&
-                 context.depth.any_measured(segmentation.instances);
+    has_depth_ = settings_.use_depth && context.depth.any_measured(segmentation.instances);
     if (frame.timestamp <= last_s_) {
       reset();
       status_ |= kTimestampOrder;
