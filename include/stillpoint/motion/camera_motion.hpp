@@ -42,7 +42,8 @@ class CameraMotion {
 
   /// Forgets the last frame.
   void reset() {
-    last_.empty = current_.empty = true;
+    for (detail::CornerImage* image : {&last_, &current_})
+      image->empty = true, image->corners.clear();
     last_motion_ = Eigen::Isometry3d::Identity();
     usual_support_ = 1;
   }
