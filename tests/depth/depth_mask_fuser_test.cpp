@@ -545,6 +545,40 @@ TEST_P(DepthMaskFuserMethods, NobodyIsAnEmptyMask) {
   EXPECT_EQ(f.mask_share(), 0);
 }
 
+// Without depth, in an image where a setting's pixel is one; a full mask has gone before.
+cv::Mat dilated(const cv::Mat& mask, int radius_px) {
+  Settings settings;
+  settings.dilation_px = radius_px;
+  DepthMaskFuser fuser(settings);
+  RgbdFrame frame;
+  frame.color = cv::Mat::zeros(mask.size(), CV_8UC1);
+  const cv::Mat full(mask.size(), CV_8UC1, cv::Scalar(255));
+  EXPECT_TRUE(identical(fuser.fuse(frame, result({instance_from_mask(full)})).image, full));
+  std::vector<Instance> instances;
+  if (pixels(mask) > 0) instances.push_back(instance_from_mask(mask));
+  return fuser.fuse(frame, result(instances)).image.clone();
+}
+
+TEST(DepthMaskFuser, DilatesEachPixelToASquare) {
+  RandomGenerator random(3);
+  const cv::Size size(640, 280);
+  for (int k = 0; k < 30; ++k) {
+    const int radius = static_cast<int>(random.below(k % 8 == 0 ? 100 : 16));
+    cv::Mat in = cv::Mat::zeros(size, CV_8UC1), expected = in.clone();
+    for (int d = 0; d < 5; ++d) {
+      const cv::Point p(static_cast<int>(random.below(640)), static_cast<int>(random.below(280)));
+      in.at<uchar>(p) = 255;
+      expected(grow_rect({p.x, p.y, 1, 1}, radius, size)).setTo(255);
+    }
+    ASSERT_TRUE(identical(dilated(in, radius), expected)) << "radius " << radius;
+  }
+}
+
+TEST(DepthMaskFuser, DilatesNothingToNothing) {
+  const cv::Mat none = cv::Mat::zeros(480, 640, CV_8UC1);
+  for (const int radius : {0, 1, 10, 100}) EXPECT_TRUE(identical(dilated(none, radius), none));
+}
+
 TEST_P(DepthMaskFuserMethods, KeepsNothingOfTheLastFrame) {
   RandomGenerator random(5);
   DepthMaskFuser used = fuser();

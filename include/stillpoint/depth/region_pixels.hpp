@@ -32,7 +32,7 @@ class RegionPixels {
         add_unmeasured(z + box.x, instance.mask.ptr<uchar>(y - box.y), box.width,
                        mask.ptr<uchar>(y) + box.x);
     }
-    // At outlines cameras measure nothing.
+    // At outlines cameras measure nothing. Isolated: in memory other masks lie beside this one.
     wide_.create(region.samples().depth().size());
     cv::Mat wide = wide_(area);
     cv::dilate(mask, wide, cv::Mat(), {-1, -1}, 1, cv::BORDER_CONSTANT | cv::BORDER_ISOLATED);
@@ -88,8 +88,8 @@ class RegionPixels {
 
   cv::Mat_<uchar> region_;                // of the cells used
   cv::Mat_<std::uint16_t> least_, most_;  // of the cells used, units
-  cv::Mat_<std::uint16_t> lo_, hi_;
-  cv::Mat_<uchar> wide_;  // of the image
+  cv::Mat_<std::uint16_t> lo_, hi_;       // of a row of cells, for each column of pixels
+  cv::Mat_<uchar> wide_;                  // of the image
 };
 
 }  // namespace stillpoint
