@@ -3,7 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <vector>
+#include <opencv2/core.hpp>
 
 namespace stillpoint {
 
@@ -23,7 +23,7 @@ class KinectCamera {
         seed_(seed),
         scale_(camera.fx / 525.0),
         disparity_(camera.fx * noise.baseline_m),
-        shadow_(static_cast<std::size_t>(exact.cols)) {}
+        shadow_(1, exact.cols) {}
 
   void measure_row(int y, std::uint16_t* out) {
     find_shadow(exact_.ptr<float>(y));
@@ -40,7 +40,7 @@ class KinectCamera {
     for (int x = exact_.cols - 1; x >= 0; --x) {
       const bool there = z_row[x] > 0;
       const double column = there ? x - disparity_ / static_cast<double>(z_row[x]) : x;
-      shadow_[static_cast<std::size_t>(x)] = noise_.shadows && column > nearest + 0.6;
+      shadow_(0, x) = noise_.shadows && column > nearest + 0.6;
       if (there) nearest = std::min(nearest, column);
     }
   }
@@ -51,7 +51,7 @@ class KinectCamera {
     const int from_y = std::clamp(y + slip(bits >> 8), 0, exact_.rows - 1);
     const double z = static_cast<double>(exact_.at<float>(from_y, from_x));
     if (!(z > noise_.nearest_m && z < noise_.farthest_m)) return 0;
-    if (shadow_[static_cast<std::size_t>(x)] || (noise_.shadows && x < 8 * scale_)) return 0;
+    if (shadow_(0, x) || (noise_.shadows && x < 8 * scale_)) return 0;
     if (is_hole(x, y, z)) return 0;
     const double value = with_noise(x, y, z, bits);
     if (value < noise_.nearest_m || value > noise_.farthest_m) return 0;
@@ -95,7 +95,7 @@ class KinectCamera {
   std::uint64_t seed_;
   double scale_;      // patches and strips as large as in an image 640 wide
   double disparity_;  // at 1 m, pixels
-  std::vector<char> shadow_;
+  cv::Mat_<bool> shadow_;
 };
 
 }  // namespace

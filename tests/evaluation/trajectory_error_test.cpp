@@ -3,11 +3,11 @@
 
 #include <gtest/gtest.h>
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <limits>
+#include <opencv2/core.hpp>
 #include <random>
 #include <tuple>
 #include <vector>
@@ -203,15 +203,15 @@ double slow_ate_rmse(const Trajectory& truth, const Trajectory& estimate) {
   for (std::size_t i = 0; i < a.size(); ++i) mean_a += a[i] / a.size(), mean_b += b[i] / a.size();
   Eigen::Matrix3d S = Eigen::Matrix3d::Zero();
   for (std::size_t i = 0; i < a.size(); ++i) S += (a[i] - mean_a) * (b[i] - mean_b).transpose();
-  Eigen::Matrix4d N;
-  N << S.trace(), S(1, 2) - S(2, 1), S(2, 0) - S(0, 2), S(0, 1) - S(1, 0),   //
-      0, S(0, 0) - S(1, 1) - S(2, 2), S(0, 1) + S(1, 0), S(2, 0) + S(0, 2),  //
-      0, 0, S(1, 1) - S(0, 0) - S(2, 2), S(1, 2) + S(2, 1),                  //
-      0, 0, 0, S(2, 2) - S(0, 0) - S(1, 1);
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix4d> solver(
-      Eigen::Matrix4d(N.selfadjointView<Eigen::Upper>()));
-  const Eigen::Vector4d q = solver.eigenvectors().col(3);
-  const Eigen::Quaterniond rotation(q[0], q[1], q[2], q[3]);
+  cv::Matx44d N(S.trace(), S(1, 2) - S(2, 1), S(2, 0) - S(0, 2), S(0, 1) - S(1, 0),   //
+                0, S(0, 0) - S(1, 1) - S(2, 2), S(0, 1) + S(1, 0), S(2, 0) + S(0, 2),  //
+                0, 0, S(1, 1) - S(0, 0) - S(2, 2), S(1, 2) + S(2, 1),                  //
+                0, 0, 0, S(2, 2) - S(0, 0) - S(1, 1));
+  cv::completeSymm(N);
+  cv::Vec4d values;
+  cv::Matx44d q;  // eigenvectors in rows, that of the largest value first
+  cv::eigen(N, values, q);
+  const Eigen::Quaterniond rotation(q(0, 0), q(0, 1), q(0, 2), q(0, 3));
   double sum = 0;
   for (std::size_t i = 0; i < a.size(); ++i)
     sum += (rotation * (a[i] - mean_a) - (b[i] - mean_b)).squaredNorm();

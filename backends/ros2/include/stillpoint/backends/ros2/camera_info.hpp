@@ -2,7 +2,6 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <Eigen/QR>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -33,8 +32,7 @@ struct RationalLens {
 /// the model folds back within the image.
 inline double fit_radial(const RationalLens& lens, double most, Camera& camera) {
   constexpr int n = 200;
-  Eigen::Matrix<double, n, 3> rows;
-  Eigen::Matrix<double, n, 1> wanted;
+  cv::Mat_<double> rows(n, 3), wanted(n, 1), k;
   std::array<double, n> radii{};
   double last = 0, raw = 0;
   const double step = most / n * 0.5;
@@ -49,12 +47,12 @@ inline double fit_radial(const RationalLens& lens, double most, Camera& camera) 
   for (int i = 0; i < n; ++i) {
     const double x = r * (i + 1) / n, x2 = x * x;
     radii[static_cast<std::size_t>(i)] = x;
-    rows.row(i) << x * x2, x * x2 * x2, x * x2 * x2 * x2;
-    wanted[i] = x * lens.radial(x2) - x;
+    for (int power = 0; power < 3; ++power) rows(i, power) = x * std::pow(x2, power + 1);
+    wanted(i) = x * lens.radial(x2) - x;
   }
-  const Eigen::Vector3d k = rows.colPivHouseholderQr().solve(wanted);
-  camera.k1 = k[0], camera.k2 = k[1], camera.k3 = k[2];
-  return (rows * k - wanted).cwiseAbs().maxCoeff();
+  cv::solve(rows, wanted, k, cv::DECOMP_QR);
+  camera.k1 = k(0), camera.k2 = k(1), camera.k3 = k(2);
+  return cv::norm(rows * k, wanted, cv::NORM_INF);
 }
 
 inline std::string set_lens(const CameraInfoMessage& info, Camera& camera) {
