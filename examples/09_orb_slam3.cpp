@@ -125,6 +125,29 @@ double median(std::vector<double> values) {
   return values[values.size() / 2];
 }
 
+struct Run {
+  int tracked = 0;
+  double kept = 0, extracted = 0;  // keypoints
+  std::vector<double> mask_ms, hook_ms, total_ms;
+};
+
+void print(const Run& run, std::size_t frames, const stillpoint::HostFrontEnd* front_end) {
+  std::cout << run.tracked << " of " << frames << " frames tracked, " << median(run.total_ms)
+            << " ms per frame (median)";
+  if (front_end != nullptr && !run.total_ms.empty()) {
+    const double n = static_cast<double>(run.total_ms.size());
+    std::cout << ", of these mask " << median(run.mask_ms) << ", hook " << median(run.hook_ms)
+              << "; " << run.kept / n << " of " << run.extracted / n
+              << " keypoints kept; for 1000 static ones set nFeatures to "
+              << front_end->features_for(1000);
+    if (front_end->stats().filtered == 0)
+      std::cout
+          << "\nThe hook was never called: is its line in Frame.cc, and the library built anew?";
+  }
+  std::cout << "\n";
+  if (run.tracked == 0) std::cout << "No trajectory is written: no frame was tracked.\n";
+}
+
 int main(int argc, char** argv) try {
   if (argc != 6) {
     std::cerr << "usage: " << argv[0] << " VOCABULARY SETTINGS SEQUENCE MASKS TRAJECTORY\n";
@@ -138,10 +161,8 @@ int main(int argc, char** argv) try {
   stillpoint::HostFrontEnd front_end(camera);
   ORB_SLAM3::System slam(argv[1], argv[2], ORB_SLAM3::System::RGBD, false);
 
-  int tracked = 0;
+  Run run;
   std::string failure;
-  double kept = 0, extracted = 0;
-  std::vector<double> mask_ms, hook_ms, total_ms;
   for (const Entry& entry : entries) try {
       stillpoint::RgbdFrame frame;
       frame.color = read_image(folder + "/" + entry.color, cv::IMREAD_COLOR);
@@ -154,40 +175,26 @@ int main(int argc, char** argv) try {
       const auto start = std::chrono::steady_clock::now();
       if (alone) {
         slam.TrackRGBD(frame.color, frame.depth, frame.timestamp);
-        tracked += slam.GetTrackingState() == 2;
+        run.tracked += slam.GetTrackingState() == 2;
       } else {
-        tracked += stillpoint::orb_slam3::track_rgbd(slam, front_end, frame, people);
+        run.tracked += stillpoint::orb_slam3::track_rgbd(slam, front_end, frame, people);
       }
       const std::chrono::duration<double> took = std::chrono::steady_clock::now() - start;
       const stillpoint::HostStats stats = front_end.stats();
-      total_ms.push_back(1000 * took.count());
-      mask_ms.push_back(stats.mask_ms);
-      hook_ms.push_back(stats.hook_ms);
-      kept += stats.kept, extracted += stats.keypoints;
+      run.total_ms.push_back(1000 * took.count());
+      run.mask_ms.push_back(stats.mask_ms);
+      run.hook_ms.push_back(stats.hook_ms);
+      run.kept += stats.kept, run.extracted += stats.keypoints;
       // As fast as the camera, so that the host's other threads have their time.
       std::this_thread::sleep_for(std::chrono::duration<double>(1.0 / 30) - took);
     } catch (const std::exception& error) {
-      failure = "frame " + std::to_string(total_ms.size() + 1) + " of " +
+      failure = "frame " + std::to_string(run.total_ms.size() + 1) + " of " +
                 std::to_string(entries.size()) + ": " + error.what();
       break;
     }
   slam.Shutdown();
-  if (tracked > 0) slam.SaveTrajectoryTUM(argv[5]);  // the host needs a keyframe for it
-
-  std::cout << tracked << " of " << entries.size() << " frames tracked, " << median(total_ms)
-            << " ms per frame (median)";
-  if (!alone && !total_ms.empty()) {
-    const double n = static_cast<double>(total_ms.size());
-    std::cout << ", of these mask " << median(mask_ms) << ", hook " << median(hook_ms) << "; "
-              << kept / n << " of " << extracted / n
-              << " keypoints kept; for 1000 static ones set nFeatures to "
-              << front_end.features_for(1000);
-    if (front_end.stats().filtered == 0)
-      std::cout
-          << "\nThe hook was never called: is its line in Frame.cc, and the library built anew?";
-  }
-  std::cout << "\n";
-  if (tracked == 0) std::cout << "No trajectory is written: no frame was tracked.\n";
+  if (run.tracked > 0) slam.SaveTrajectoryTUM(argv[5]);  // the host needs a keyframe for it
+  print(run, entries.size(), alone ? nullptr : &front_end);
   if (failure.empty()) return 0;
   std::cerr << failure << "\n";
   return 1;

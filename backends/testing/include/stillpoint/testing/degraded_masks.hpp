@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <functional>
 #include <opencv2/core.hpp>
+#include <string>
 #include <vector>
 
 #include "stillpoint/core/error.hpp"
@@ -28,6 +29,129 @@ struct MaskDamage {
   int smallest_pixels = 60;
 };
 
+namespace detail {
+
+using BlurPx = std::function<double(int label, int frame)>;
+
+// What a blur-stricken segmenter misses in one frame, and how far its borders wander.
+class LostLabels {
+ public:
+  LostLabels(const cv::Mat& labels, int frame, const BlurPx& blur_px, std::uint64_t seed,
+             const MaskDamage& damage)
+      : frame_(frame), seed_(seed), damage_(damage), lost_(kLabels * kLimbs), wander_px_(kLabels) {
+    std::vector<int> pixels(kLabels, 0);
+    for (int y = 0; y < labels.rows; ++y)
+      for (int x = 0; x < labels.cols; ++x) ++pixels[labels.at<uchar>(y, x)];
+    const double scale = labels.cols / 640.0;
+    for (int label = 1; label < synthetic::kFirstMoverLabel; ++label)
+      if (const int n = pixels[static_cast<std::size_t>(label)]) add(label, n, scale, blur_px);
+  }
+
+  /// The label that the segmenter gives where `label` is, of that limb.
+  int kept(int label, int limb) const {
+    if (label == 0 || label >= synthetic::kFirstMoverLabel) return 0;
+    return lost_[static_cast<std::size_t>(label * kLimbs + limb % kLimbs)] ? 0 : label;
+  }
+  float wander_px(int label) const { return wander_px_[static_cast<std::size_t>(label)]; }
+
+ private:
+  static constexpr int kLabels = 256, kLimbs = 8;
+
+  void add(int label, int pixels, double scale, const BlurPx& blur_px) {
+    using namespace synthetic;
+    std::vector<double> blur;  // of this frame and of those before, in pixels of a 640 wide image
+    for (int back = 0; back < damage_.longest_spell; ++back)
+      blur.push_back(blur_px(label, frame_ - back) / scale);
+    const auto in_spell = [&](int what, double chance, double chance_per_px) {
+      const std::uint64_t key = hash(seed_, number(label), number(what));
+      for (int back = 0; back < damage_.longest_spell; ++back) {
+        const std::uint64_t bits = hash(key, number(frame_ - back), 0x5e11);
+        const int duration = 1 + static_cast<int>((bits & 0xffff) % number(damage_.longest_spell));
+        const double p = chance + chance_per_px * blur[static_cast<std::size_t>(back)];
+        if (duration > back && uniform(scramble(bits)) < std::min(p, 0.6)) return true;
+      }
+      return false;
+    };
+    const bool missing = pixels < damage_.smallest_pixels * scale * scale ||
+                         in_spell(0, damage_.miss_chance, damage_.miss_chance_per_px);
+    for (int limb = 0; limb < kLimbs; ++limb) {
+      const bool may_lose = limb != kNoLimb && limb != kTorso && limb != kHead;
+      lost_[static_cast<std::size_t>(label * kLimbs + limb)] =
+          missing || (may_lose && in_spell(limb, damage_.limb_chance, damage_.limb_chance_per_px));
+    }
+    wander_px_[static_cast<std::size_t>(label)] = static_cast<float>(
+        scale * std::min(9.0, damage_.border_px + damage_.border_px_per_px * blur[0]));
+  }
+  static std::uint64_t number(int i) {
+    return static_cast<std::uint64_t>(static_cast<std::int64_t>(i));
+  }
+
+  int frame_;
+  std::uint64_t seed_;
+  MaskDamage damage_;
+  std::vector<char> lost_;        // by label and limb
+  std::vector<float> wander_px_;  // by label
+};
+
+// Draws the labels with ragged borders: each pixel looks at a place moved by a field of noise,
+// whose strength belongs to the nearest instance. 6-pixel waves on top of 22-pixel ones.
+class RaggedLabels {
+ public:
+  RaggedLabels(const cv::Mat& labels, const cv::Mat& limbs, const LostLabels& lost,
+               std::uint64_t field)
+      : labels_(labels), limbs_(limbs), lost_(lost), field_(field), scale_(labels.cols / 640.0) {}
+
+  cv::Mat draw() const {
+    cv::Mat result(labels_.size(), CV_8UC1);
+    for (int y = 0; y < labels_.rows; ++y)
+      for (int x = 0; x < labels_.cols; ++x) {
+        const float strength = strength_at(x, y);
+        // A second look lets masks grow a little, as networks' do.
+        int label = strength == 0 ? kept(x, y) : looked_up(x, y, strength, 0);
+        if (strength != 0 && label == 0) label = looked_up(x, y, strength, 2);
+        result.at<uchar>(y, x) = static_cast<uchar>(label);
+      }
+    return result;
+  }
+
+ private:
+  int label_at(int x, int y) const {
+    return labels_.at<uchar>(std::clamp(y, 0, labels_.rows - 1),
+                             std::clamp(x, 0, labels_.cols - 1));
+  }
+  int kept(int x, int y) const {
+    return lost_.kept(labels_.at<uchar>(y, x), limbs_.empty() ? 0 : limbs_.at<uchar>(y, x));
+  }
+  float strength_at(int x, int y) const {
+    const int reach = std::max(1, static_cast<int>(10 * scale_));
+    const float own = lost_.wander_px(label_at(x, y));
+    if (own != 0) return own;
+    return std::max(
+        {lost_.wander_px(label_at(x + reach, y)), lost_.wander_px(label_at(x - reach, y)),
+         lost_.wander_px(label_at(x, y + reach)), lost_.wander_px(label_at(x, y - reach))});
+  }
+  int looked_up(int x, int y, float strength, std::uint64_t which) const {
+    const auto coarse = static_cast<float>(22 * scale_), fine = static_cast<float>(6 * scale_);
+    const auto fx = static_cast<float>(x), fy = static_cast<float>(y);
+    const auto moved_by = [&](std::uint64_t field) {
+      using synthetic::value_noise;
+      const float wide = value_noise(fx / coarse, fy / coarse, 4096, 4096, field) - 0.5f;
+      const float near = value_noise(fx / fine, fy / fine, 4096, 4096, field + 4) - 0.5f;
+      return strength * (3.2f * wide + 1.4f * near);
+    };
+    const int sx = static_cast<int>(fx + moved_by(field_ + which) + 1000.5f) - 1000;
+    const int sy = static_cast<int>(fy + moved_by(field_ + which + 1) + 1000.5f) - 1000;
+    return kept(std::clamp(sx, 0, labels_.cols - 1), std::clamp(sy, 0, labels_.rows - 1));
+  }
+
+  const cv::Mat &labels_, &limbs_;
+  const LostLabels& lost_;
+  std::uint64_t field_;
+  double scale_;
+};
+
+}  // namespace detail
+
 /// Gives masks as a blur-stricken segmenter would give them: whole instances missing, limbs
 /// missing, ragged borders.
 ///
@@ -39,94 +163,15 @@ struct MaskDamage {
 inline cv::Mat degrade_masks(const cv::Mat& labels, const cv::Mat& limbs, int frame,
                              const std::function<double(int, int)>& blur_px, std::uint64_t seed = 1,
                              const MaskDamage& damage = MaskDamage()) {
-  using namespace synthetic;
   detail::check(labels.type() == CV_8UC1, [&] {
     return "degrade_masks: labels: expected CV_8UC1, found type " + std::to_string(labels.type());
   });
   detail::check(limbs.empty() || (limbs.type() == CV_8UC1 && limbs.size() == labels.size()), [&] {
     return std::string("degrade_masks: limbs: expected CV_8UC1 of labels' size");
   });
-  constexpr int kLabels = 256, kLimbs = 8;
-  std::vector<int> pixels(kLabels, 0);
-  for (int y = 0; y < labels.rows; ++y)
-    for (int x = 0; x < labels.cols; ++x) ++pixels[labels.at<uchar>(y, x)];
-
-  const auto number = [](int i) {
-    return static_cast<std::uint64_t>(static_cast<std::int64_t>(i));
-  };
-  const double scale = labels.cols / 640.0;
-  std::vector<char> lost(kLabels * kLimbs, 0);
-  std::vector<float> wander(kLabels, 0);
-  for (int label = 1; label < kFirstMoverLabel; ++label) {
-    if (pixels[static_cast<std::size_t>(label)] == 0) continue;
-    // Blur counts in pixels of a 640 wide image.
-    std::vector<double> blur;
-    for (int back = 0; back < damage.longest_spell; ++back)
-      blur.push_back(blur_px(label, frame - back) / scale);
-    const auto in_spell = [&](int what, double chance, double chance_per_px) {
-      for (int back = 0; back < damage.longest_spell; ++back) {
-        const std::uint64_t bits =
-            hash(hash(seed, number(label), number(what)), number(frame - back), 0x5e11);
-        const int duration = 1 + static_cast<int>((bits & 0xffff) % number(damage.longest_spell));
-        const double p = chance + chance_per_px * blur[static_cast<std::size_t>(back)];
-        if (duration > back && uniform(scramble(bits)) < std::min(p, 0.6)) return true;
-      }
-      return false;
-    };
-    const bool missing =
-        pixels[static_cast<std::size_t>(label)] < damage.smallest_pixels * scale * scale ||
-        in_spell(0, damage.miss_chance, damage.miss_chance_per_px);
-    for (int limb = 0; limb < kLimbs; ++limb) {
-      const bool may_lose = limb != kNoLimb && limb != kTorso && limb != kHead;
-      lost[static_cast<std::size_t>(label * kLimbs + limb)] =
-          missing || (may_lose && in_spell(limb, damage.limb_chance, damage.limb_chance_per_px));
-    }
-    wander[static_cast<std::size_t>(label)] = static_cast<float>(
-        scale * std::min(9.0, damage.border_px + damage.border_px_per_px * blur[0]));
-  }
-
-  const auto kept = [&](int x, int y) {
-    const int label = labels.at<uchar>(y, x);
-    if (label == 0 || label >= kFirstMoverLabel) return 0;
-    const int limb = limbs.empty() ? 0 : limbs.at<uchar>(y, x) % kLimbs;
-    return lost[static_cast<std::size_t>(label * kLimbs + limb)] ? 0 : label;
-  };
-  // Ragged borders: each pixel looks at a place moved by a field of noise, whose strength belongs
-  // to the nearest instance. 6-pixel waves on top of 22-pixel ones.
-  const std::uint64_t field = hash(seed, number(frame), 0xf1e1d);
-  const auto coarse = static_cast<float>(22 * scale), fine = static_cast<float>(6 * scale);
-  cv::Mat result(labels.size(), CV_8UC1);
-  const int reach = std::max(1, static_cast<int>(10 * scale));
-  for (int y = 0; y < labels.rows; ++y)
-    for (int x = 0; x < labels.cols; ++x) {
-      float strength = wander[labels.at<uchar>(y, x)];
-      if (strength == 0)
-        for (int i = 0; i < 4; ++i) {
-          const int nx = std::clamp(x + (i == 0 ? reach : i == 1 ? -reach : 0), 0, labels.cols - 1);
-          const int ny = std::clamp(y + (i == 2 ? reach : i == 3 ? -reach : 0), 0, labels.rows - 1);
-          strength = std::max(strength, wander[labels.at<uchar>(ny, nx)]);
-        }
-      if (strength == 0) {
-        result.at<uchar>(y, x) = static_cast<uchar>(kept(x, y));
-        continue;
-      }
-      const auto fx = static_cast<float>(x), fy = static_cast<float>(y);
-      const auto moved_by = [&](std::uint64_t which) {
-        const float wide = value_noise(fx / coarse, fy / coarse, 4096, 4096, field + which) - 0.5f;
-        const float near = value_noise(fx / fine, fy / fine, 4096, 4096, field + which + 4) - 0.5f;
-        return strength * (3.2f * wide + 1.4f * near);
-      };
-      const auto looked_up = [&](std::uint64_t which) {
-        const int sx = static_cast<int>(fx + moved_by(which) + 1000.5f) - 1000;
-        const int sy = static_cast<int>(fy + moved_by(which + 1) + 1000.5f) - 1000;
-        return kept(std::clamp(sx, 0, labels.cols - 1), std::clamp(sy, 0, labels.rows - 1));
-      };
-      // A second look lets masks grow a little, as networks' do.
-      int label = looked_up(0);
-      if (label == 0) label = looked_up(2);
-      result.at<uchar>(y, x) = static_cast<uchar>(label);
-    }
-  return result;
+  const detail::LostLabels lost(labels, frame, blur_px, seed, damage);
+  const auto number = static_cast<std::uint64_t>(static_cast<std::int64_t>(frame));
+  return detail::RaggedLabels(labels, limbs, lost, synthetic::hash(seed, number, 0xf1e1d)).draw();
 }
 
 }  // namespace stillpoint

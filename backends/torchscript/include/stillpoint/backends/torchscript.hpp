@@ -79,11 +79,11 @@ class TorchScriptRuntime : public NetworkRuntime {
     try {
       const c10::InferenceMode no_gradients;
       // A copy, as a network may work in its input.
-      const torch::Tensor picture =
+      const torch::Tensor image =
           torch::from_blob(const_cast<float*>(input.data()), {1, 3, size.height, size.width})
               .clone()
               .to(device_);
-      collect(module_.forward({picture}), "");
+      collect(module_.forward({image}), "");
     } catch (const Error&) {
       throw;
     } catch (const std::exception& e) {
