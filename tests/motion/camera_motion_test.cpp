@@ -116,6 +116,31 @@ TEST(CameraMotion, KeepsToTheWallAlthoughTheHostGoesWithAPersonCloseBy) {
   EXPECT_TRUE(motion.outlier_clusters(found->T_current_last, with_board, 0).empty());
 }
 
+// The room lies beyond the range of the sensor, but for a floor and a ceiling without a corner; a
+// person close by rotates with the camera.
+TEST(CameraMotion, TellsTheRotationByWhatIsBeyondTheRange) {
+  SensorModel sensor;
+  sensor.max_range_m = 2.5;
+  const auto render_far = [](double timestamp, double turn_deg) {
+    const double board_x = 1.2 * std::tan(turn_deg * 3.14159265358979 / 180);
+    RgbdFrame frame = render(timestamp, pose(0, 0, turn_deg), board_x);
+    const cv::Rect beyond(0, 30, kWidth, kHeight - 60);
+    cv::Mat depth = frame.depth.clone();
+    depth(beyond).setTo(0, depth(beyond) > 1.5 * 5000);
+    cv::Mat flat(frame.color.size(), CV_8UC1, cv::Scalar(120));
+    frame.color(beyond).copyTo(flat(beyond));
+    frame.depth = depth, frame.color = flat;
+    return frame;
+  };
+  CameraMotion motion(sensor);
+  add(motion, render_far(0, 0), Eigen::Isometry3d::Identity());
+  const auto found = add(motion, render_far(0.03, 0.75), Eigen::Isometry3d::Identity());
+  ASSERT_TRUE(found.has_value());
+  const Eigen::Isometry3d error = found->T_current_last * pose(0, 0, 0.75);
+  EXPECT_LT(turn_deg(error), 0.15) << "of 0.75";
+  EXPECT_LT(error.translation().norm(), 0.03);
+}
+
 // A third of the corners is static, the others are on people; what was expected is off by more than
 // a corner's usual error.
 TEST(FlowConsensus, FindsTheMotionNearAnExpectedOne) {

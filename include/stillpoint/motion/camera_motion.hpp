@@ -51,6 +51,7 @@ class CameraMotion {
   /// Takes the next frame, without looking for the motion to it. O(pixels).
   void begin(const FrameContext& context) {
     current_.set(context);
+    current_.add_far_corners(context.depth, sensor_.max_range_m);
     consensus_.begin(current_);
   }
 

@@ -67,7 +67,7 @@ class CornerImage {
   void set(const FrameContext& context) {
     const DepthView& view = context.depth;
     empty = view.empty();
-    corners.clear();
+    corners.clear(), unmeasured_.clear();
     if (empty) return;
     frame_size_ = context.size();
     scale = std::max(1, (frame_size_.width + 160) / 320);
@@ -80,6 +80,20 @@ class CornerImage {
     const Lens& lens = view.lens();
     fx = lens.fx(), fy = lens.fy(), cx = lens.cx(), cy = lens.cy();
     find_corners(view);
+  }
+
+  /// Where most corners have no depth, and a quarter of these or more lie in large holes that end
+  /// at the end of the sensor's range, those are taken for far away: they tell the rotation, which
+  /// else a person close by would tell. Holes of what is too close or black end elsewhere.
+  /// O(corners x width).
+  void add_far_corners(const DepthView& view, double max_range_m) {
+    if (corners.size() >= unmeasured_.size()) return;
+    const float end_m = kEndOfRange * static_cast<float>(max_range_m);
+    const auto last = std::partition(unmeasured_.begin(), unmeasured_.end(),
+                                     [&](const Corner& c) { return in_far_hole(view, c, end_m); });
+    if (4 * (last - unmeasured_.begin()) < unmeasured_.end() - unmeasured_.begin()) return;
+    std::for_each(unmeasured_.begin(), last, [](Corner& c) { c.depth_m = kFarM; });
+    corners.insert(corners.end(), unmeasured_.begin(), last);
   }
 
   /// Keeps the strongest corners: of the static world and, behind these, of what is dynamic.
@@ -132,6 +146,9 @@ class CornerImage {
   static constexpr int kBlock = 5;                 // coarse pixels; one corner each
   static constexpr int kRim = Patch::kRadius + 2;  // coarse pixels; no corner there
   static constexpr float kMinScore = 2e-4f;
+  // Of what lies beyond the range: that it is nearer moves it by less than a pixel per centimetre.
+  static constexpr float kFarM = 10;
+  static constexpr float kEndOfRange = 0.85f;
 
   void find_corners(const DepthView& view) {
     cv::cornerMinEigenVal(coarse_bytes_, score_, 3);
@@ -148,9 +165,29 @@ class CornerImage {
         if (!(most > kMinScore)) continue;
         Corner best = first_of_block(x0, y0, most);
         best.depth_m = whole_depth(view, scale * best.x, scale * best.y, kNear);
-        if (best.depth_m > 0) corners.push_back(best);
+        if (best.depth_m > 0)
+          corners.push_back(best);
+        else if (view.row(scale * best.y)[scale * best.x] == 0)
+          unmeasured_.push_back(best);
       }
     }
+  }
+
+  // Whether, of the first depths in the four directions, two or more, and most, are beyond `end_m`
+  // and none lies within the patch on the coarse image.
+  bool in_far_hole(const DepthView& view, const Corner& c, float end_m) const {
+    static constexpr int kNext[4][2] = {{-1, 0}, {1, 0}, {0, -1}, {0, 1}};
+    const cv::Rect image(cv::Point(), frame_size_);
+    int far = 0, near = 0;
+    for (const auto& next : kNext) {
+      const cv::Point step = 2 * scale * cv::Point(next[0], next[1]);
+      cv::Point p(scale * c.x, scale * c.y);
+      int steps = 0;
+      for (; p.inside(image) && view.row(p.y)[p.x] == 0; p += step) ++steps;
+      if (2 * steps <= kFar) return false;
+      if (p.inside(image)) ++(view.to_m(view.row(p.y)[p.x]) > end_m ? far : near);
+    }
+    return far >= 2 && far > near;
   }
 
   // Where a block of the scores reaches its highest value first.
@@ -168,6 +205,7 @@ class CornerImage {
     for (std::size_t x = 0; x < n; ++x) highest[x] = by[x] > highest[x] ? by[x] : highest[x];
   }
 
+  std::vector<Corner> unmeasured_;  // in holes of the depth
   cv::Size frame_size_;
   cv::Mat fine_bytes_, coarse_bytes_, score_;
   std::vector<float> highest_;  // score of the columns of a row of blocks

@@ -51,7 +51,8 @@ struct DepthCells {
             fy * (y * radial + distortion.p1 * (r2 + 2 * yy) + 2 * distortion.p2 * xy) + cy};
   }
 
-  /// Takes the depth of the blocks of a frame. O(pixels / 4).
+  /// Takes the depth of the blocks of a frame. Where its noise is far above a Kinect's, cells may
+  /// spread more before they count as torn. O(pixels / 4).
   void set(const DepthView& depth, int block) {
     block_px = block;
     width = depth.size().width / block, height = depth.size().height / block;
@@ -61,17 +62,41 @@ struct DepthCells {
       std::fill(depth_m.begin(), depth_m.end(), 0.0f);
       return;
     }
-    columns_.resize(static_cast<std::size_t>(width) * static_cast<std::size_t>(block));
-    for (int y = 0; y < height; ++y) {
-      columns_.clear();
-      for (int k = 1; k < block; k += 2) columns_.add(depth.row(y * block + k));
-      for (int x = 0; x < width; ++x)
-        depth_m[index(x, y)] =
-            block_depth(columns_, x * block, block, depth.metres_per_unit_value());
-    }
+    measure(depth, 0);
+    const float noise = pixel_noise();
+    if (noise > kUsualNoise) measure(depth, noise);
   }
 
  private:
+  // Of a plane that faces the camera, the greatest less the least depth in a cell, over z^2: three
+  // to four standard deviations of a pixel. A Kinect has 0.003 to 0.009. 1 / metres.
+  static constexpr float kUsualNoise = 0.012f;
+  static constexpr float kNoiseFromM = 2.5f;  // nearer, slopes spread more than noise
+  static constexpr double kFacing = 0.3;      // share of the cells whose slope is little
+  static constexpr std::size_t kFewestCells = 100;
+  static constexpr float kMostSpread = 2;  // times the noise: 16 pixels hardly ever spread more
+
+  // Fills depth_m. `noise`: see kUsualNoise; what it spreads does not tear a cell.
+  void measure(const DepthView& depth, float noise) {
+    spread_.clear();
+    columns_.resize(static_cast<std::size_t>(width) * static_cast<std::size_t>(block_px));
+    for (int y = 0; y < height; ++y) {
+      columns_.clear();
+      for (int k = 1; k < block_px; k += 2) columns_.add(depth.row(y * block_px + k));
+      for (int x = 0; x < width; ++x)
+        depth_m[index(x, y)] = block_depth(x * block_px, depth.metres_per_unit_value(), noise);
+    }
+  }
+
+  // The noise of this frame's pixels (see kUsualNoise); 0 where too little is far enough away.
+  float pixel_noise() {
+    if (spread_.size() < kFewestCells) return 0;
+    const auto facing = spread_.begin() +
+                        static_cast<std::ptrdiff_t>(kFacing * static_cast<double>(spread_.size()));
+    std::nth_element(spread_.begin(), facing, spread_.end());
+    return *facing;
+  }
+
   void set_rays(const Lens& lens) {
     const float b = static_cast<float>(block_px);
     // The center of cell i is pixel block * i + (block - 1) / 2.
@@ -124,23 +149,25 @@ struct DepthCells {
   };
 
   // Of every second column.
-  static float block_depth(const Columns& columns, int x0, int block, float to_m) {
+  float block_depth(int x0, float to_m, float noise) {
+    const int samples = (block_px / 2) * (block_px / 2);
     int lo = 65536, hi = 0, n = 0;
     std::uint32_t sum = 0;
-    for (int k = 1; k < block; k += 2) {
+    for (int k = 1; k < block_px; k += 2) {
       const std::size_t i = static_cast<std::size_t>(x0 + k);
-      lo = std::min(lo, columns.lo[i] + 1), hi = std::max<int>(hi, columns.hi[i]);
-      n += columns.n[i], sum += columns.sum[i];
+      lo = std::min(lo, columns_.lo[i] + 1), hi = std::max<int>(hi, columns_.hi[i]);
+      n += columns_.n[i], sum += columns_.sum[i];
     }
     if (n == 0) return -1;
-    if (2 * n < (block / 2) * (block / 2)) return 0;
+    if (2 * n < samples) return 0;
     const float near = static_cast<float>(lo) * to_m, far = static_cast<float>(hi) * to_m;
-    return far - near < 0.03f + 0.05f * near
-               ? static_cast<float>(sum) / static_cast<float>(n) * to_m
-               : 0;
+    if (n == samples && near > kNoiseFromM) spread_.push_back((far - near) / (near * near));
+    const float whole = std::max(0.03f + 0.05f * near, kMostSpread * noise * near * near);
+    return far - near < whole ? static_cast<float>(sum) / static_cast<float>(n) * to_m : 0;
   }
 
   Columns columns_;
+  std::vector<float> spread_;  // of far cells, over z^2
 };
 
 }  // namespace stillpoint

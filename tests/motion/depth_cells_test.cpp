@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "stillpoint/motion/depth_cells.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <opencv2/core.hpp>
+#include <vector>
+
+#include "small_camera.hpp"
+#include "stillpoint/core/frame_context.hpp"
+
+namespace stillpoint {
+namespace {
+
+constexpr int kBlock = 8, kEdgeColumn = 20;
+
+// A wall, and from the middle of a column of cells on another one `step_m` before it. `noise` is
+// the standard deviation of a pixel's depth over z^2.
+DepthCells cells_of(double wall_m, double step_m, double noise) {
+  RgbdFrame frame;
+  frame.color = cv::Mat(kHeight, kWidth, CV_8UC1, cv::Scalar(100));
+  cv::Mat_<double> z(kHeight, kWidth, wall_m), errors(z.size());
+  z.colRange(kEdgeColumn * kBlock + kBlock / 2, kWidth) -= step_m;
+  cv::RNG random(3);
+  random.fill(errors, cv::RNG::NORMAL, 0, noise);
+  cv::Mat(5000 * (z + errors.mul(z.mul(z)))).convertTo(frame.depth, CV_16U);
+  frame.depth_units_per_m = 5000;
+  FrameContext context;
+  context.begin(frame, small_camera());
+  DepthCells cells;
+  cells.set(context.depth, kBlock);
+  return cells;
+}
+
+// The share of cells that count as one surface: in the column of the edge, and elsewhere.
+double whole_share(const DepthCells& cells, bool at_edge) {
+  int whole = 0, all = 0;
+  for (int y = 0; y < cells.height; ++y)
+    for (int x = 0; x < cells.width; ++x) {
+      if ((x == kEdgeColumn) != at_edge) continue;
+      ++all;
+      whole += cells.depth_m[cells.index(x, y)] > 0;
+    }
+  return static_cast<double>(whole) / all;
+}
+
+TEST(DepthCells, AreTornByStepsWhateverTheNoise) {
+  for (const double noise : {0.0, 0.0015, 0.0045, 0.006}) {  // none, a Kinect's, three, four times
+    for (const double wall_m : {3.0, 4.0, 5.0}) {
+      const DepthCells cells = cells_of(wall_m, 1.5, noise);
+      EXPECT_GT(whole_share(cells, false), 0.9) << noise << " at " << wall_m << " m";
+      EXPECT_EQ(whole_share(cells, true), 0) << noise << " at " << wall_m << " m";
+    }
+  }
+}
+
+// What spreads little over most of the image is no noise: a small step tears as ever.
+TEST(DepthCells, AreTornBySmallStepsWhereThereIsLittleNoise) {
+  EXPECT_EQ(whole_share(cells_of(4, 0.35, 0.0015), true), 0);
+  EXPECT_GT(whole_share(cells_of(4, 0.1, 0.0015), true), 0.5);
+}
+
+}  // namespace
+}  // namespace stillpoint
