@@ -3,9 +3,7 @@
 
 #include <gtest/gtest.h>
 
-#include <algorithm>
 #include <opencv2/core.hpp>
-#include <vector>
 
 #include "small_camera.hpp"
 #include "stillpoint/core/frame_context.hpp"

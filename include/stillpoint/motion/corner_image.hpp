@@ -148,7 +148,7 @@ class CornerImage {
   static constexpr float kMinScore = 2e-4f;
   // Of what lies beyond the range: that it is nearer moves it by less than a pixel per centimetre.
   static constexpr float kFarM = 10;
-  static constexpr float kEndOfRange = 0.85f;
+  static constexpr float kEndOfRange = 0.85f;  // as in FarHoles
 
   void find_corners(const DepthView& view) {
     cv::cornerMinEigenVal(coarse_bytes_, score_, 3);

@@ -82,9 +82,7 @@ class LostLabels {
     wander_px_[static_cast<std::size_t>(label)] = static_cast<float>(
         scale * std::min(9.0, damage_.border_px + damage_.border_px_per_px * blur[0]));
   }
-  static std::uint64_t number(int i) {
-    return static_cast<std::uint64_t>(static_cast<std::int64_t>(i));
-  }
+  static std::uint64_t number(int i) { return static_cast<std::uint64_t>(i); }
 
   int frame_;
   std::uint64_t seed_;
@@ -170,8 +168,8 @@ inline cv::Mat degrade_masks(const cv::Mat& labels, const cv::Mat& limbs, int fr
     return std::string("degrade_masks: limbs: expected CV_8UC1 of labels' size");
   });
   const detail::LostLabels lost(labels, frame, blur_px, seed, damage);
-  const auto number = static_cast<std::uint64_t>(static_cast<std::int64_t>(frame));
-  return detail::RaggedLabels(labels, limbs, lost, synthetic::hash(seed, number, 0xf1e1d)).draw();
+  const std::uint64_t field = synthetic::hash(seed, static_cast<std::uint64_t>(frame), 0xf1e1d);
+  return detail::RaggedLabels(labels, limbs, lost, field).draw();
 }
 
 }  // namespace stillpoint
