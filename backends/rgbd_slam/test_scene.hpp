@@ -72,15 +72,6 @@ inline stillpoint::RgbdFrame render(const Eigen::Isometry3d& T_world_camera, dou
   return frame;
 }
 
-// Puts what a camera elsewhere in the room sees over the left columns of a frame.
-inline void cover_left(stillpoint::RgbdFrame& frame, int columns,
-                       const Eigen::Isometry3d& T_world_camera) {
-  const stillpoint::RgbdFrame other = render(T_world_camera, frame.timestamp);
-  const cv::Rect part(0, 0, columns, frame.color.rows);
-  other.color(part).copyTo(frame.color(part));
-  other.depth(part).copyTo(frame.depth(part));
-}
-
 // A walk that sways and turns; seconds.
 inline Eigen::Isometry3d path_at(double t) {
   Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
@@ -97,11 +88,13 @@ inline Eigen::Isometry3d path(int step) { return path_at(step / 30.0); }
 // What the camera sees at path(2 step), behind what moves as one and fills two fifths of the
 // image.
 inline stillpoint::RgbdFrame render_with_mover(int step) {
-  const Eigen::Isometry3d T = path(2 * step);
+  Eigen::Isometry3d T = path(2 * step);
   stillpoint::RgbdFrame frame = render(T, step / 15.0);
-  Eigen::Isometry3d moved = T;
-  moved.pretranslate(Eigen::Vector3d(0.03, 0, 0.01) * step);
-  cover_left(frame, frame.color.cols * 2 / 5, moved);
+  T.pretranslate(Eigen::Vector3d(0.03, 0, 0.01) * step);
+  const stillpoint::RgbdFrame mover = render(T, step / 15.0);
+  const cv::Rect left(0, 0, frame.color.cols * 2 / 5, frame.color.rows);
+  mover.color(left).copyTo(frame.color(left));
+  mover.depth(left).copyTo(frame.depth(left));
   return frame;
 }
 

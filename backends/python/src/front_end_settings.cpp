@@ -54,15 +54,17 @@ void bind_paper_stages(py::module_& m) {
            "Dilation by at least this share of an instance's blur.")
       .add("seed", &Depth::seed, "Seed of the samples' places.")
       .add_preset("paper", &Depth::paper, "The paper's method, changed by keywords.");
-  using Filter = KeypointFilterSettings;
-  SettingsClass<Filter>(m, tables.probability, "KeypointFilterSettings",
-                        "Settings of ProbabilisticKeypointFilter (paper section 3.3).")
-      .add("radius_px", &Filter::radius_px, "Neighbors lie within this distance.")
-      .add("weight", &Filter::weight, "c1 of the weight c1 exp(-c2 r).")
-      .add("decay_per_px", &Filter::decay_per_px, "c2 of the weight c1 exp(-c2 r).")
-      .add("threshold", &Filter::threshold, "A keypoint that is more probable is removed, 0 to 1.")
-      .add("min_kept", &Filter::min_kept, "Below this number the least dynamic ones are kept, too.")
-      .add_preset("paper", &Filter::paper, "The paper's method, changed by keywords.");
+  using KeypointFilter = KeypointFilterSettings;
+  SettingsClass<KeypointFilter>(m, tables.probability, "KeypointFilterSettings",
+                                "Settings of ProbabilisticKeypointFilter (paper section 3.3).")
+      .add("radius_px", &KeypointFilter::radius_px, "Neighbors lie within this distance.")
+      .add("weight", &KeypointFilter::weight, "c1 of the weight c1 exp(-c2 r).")
+      .add("decay_per_px", &KeypointFilter::decay_per_px, "c2 of the weight c1 exp(-c2 r).")
+      .add("threshold", &KeypointFilter::threshold,
+           "A keypoint that is more probable is removed, 0 to 1.")
+      .add("min_kept", &KeypointFilter::min_kept,
+           "Below this number the least dynamic ones are kept, too.")
+      .add_preset("paper", &KeypointFilter::paper, "The paper's method, changed by keywords.");
 }
 
 void bind_motion(py::module_& m) {

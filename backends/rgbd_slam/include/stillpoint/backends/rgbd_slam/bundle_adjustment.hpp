@@ -10,9 +10,12 @@
 #include <cmath>
 #include <cstddef>
 #include <map>
+#include <mutex>
 #include <vector>
 
+#include "stillpoint/backends/rgbd_slam/fair_mutex.hpp"
 #include "stillpoint/backends/rgbd_slam/map.hpp"
+#include "stillpoint/backends/rgbd_slam/map_changes.hpp"
 #include "stillpoint/backends/rgbd_slam/tracked_frame.hpp"
 
 namespace stillpoint::rgbd_slam {
@@ -215,10 +218,24 @@ inline bool solve_bundle(BundleProblem& b, const CameraModel& model, int max_ite
   return true;
 }
 
-/// Writes a solved problem back and takes back the observations that do not fit.
-inline void apply_bundle(Map& map, const BundleProblem& b) {
+/// Adjusts keyframes (none named: all) and the points that they see, and takes back the
+/// observations that do not fit. Solves without the lock; what tracking adds meanwhile moves along.
+inline void adjust_keyframes(Map& map, FairMutex& lock, const CameraModel& model,
+                             const std::vector<KeyframeId>& keyframes, int max_iterations,
+                             const std::atomic<bool>* stop = nullptr) {
+  const bool all = keyframes.empty();
+  BundleProblem b;
+  std::map<KeyframeId, Eigen::Isometry3d> poses;
+  {
+    const std::lock_guard<FairMutex> guard(lock);
+    b = collect_bundle(map, model, all ? map.keyframe_ids() : keyframes);
+    poses = map.poses();
+  }
+  if (!solve_bundle(b, model, max_iterations, stop, all)) return;
   for (const PoseBlock& pose : b.poses)
-    if (!pose.fixed) map.keyframe(pose.id)->T_camera_world = pose.pose();
+    if (!pose.fixed) poses[pose.id] = pose.pose();
+  const std::lock_guard<FairMutex> guard(lock);
+  move_map(map, poses);
   for (const BundleProblem::Point& point : b.points)
     if (MapPoint* p = map.point(point.id)) p->position = point.position;
   for (const BundleProblem::Residual& r : b.residuals)

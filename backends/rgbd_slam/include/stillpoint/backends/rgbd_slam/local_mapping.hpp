@@ -98,18 +98,15 @@ class LocalMapping {
   }
 
   void adjust(Map& map, FairMutex& lock, KeyframeId id, const std::atomic<bool>& stop) {
-    BundleProblem bundle;
+    std::vector<KeyframeId> local;
     {
       const std::lock_guard<FairMutex> guard(lock);
       if (map.keyframe_count() < 2 || settings_.bundle_keyframes < 1) return;
-      std::vector<KeyframeId> local = map.neighbors(id, settings_.bundle_keyframes - 1);
-      local.push_back(id);
-      std::sort(local.begin(), local.end());
-      bundle = collect_bundle(map, model_, local);
+      local = map.neighbors(id, settings_.bundle_keyframes - 1);
     }
-    if (!solve_bundle(bundle, model_, settings_.bundle_iterations, &stop)) return;
-    const std::lock_guard<FairMutex> guard(lock);
-    apply_bundle(map, bundle);
+    local.push_back(id);
+    std::sort(local.begin(), local.end());
+    adjust_keyframes(map, lock, model_, local, settings_.bundle_iterations, &stop);
   }
 
   void cull_keyframes(Map& map, PlaceIndex& index, KeyframeId now) {

@@ -25,7 +25,7 @@ namespace stillpoint::rgbd_slam {
 /// A keyframe votes for places by its descriptors; a place that is not its neighbor anyway is
 /// verified by pose (PnP, guided matching), and by the keyframe's neighbors, which must find it too
 /// when moved along. Then the essential graph (spanning tree, loops, strong covisibility) is
-/// optimised, and the points of both sides are fused.
+/// optimised, the points of both sides are fused, and the map is adjusted as a whole.
 class LoopClosing {
  public:
   struct Settings {
@@ -39,14 +39,17 @@ class LoopClosing {
     std::size_t min_gap = 8;
     /// Points shared by two keyframes that make an edge of the essential graph.
     int strong_covisibility = 80;
+    /// Iterations of the bundle adjustment of all keyframes that follows; 6 s for 400.
+    int final_iterations = 5;
   };
 
   LoopClosing(const CameraModel& model, const Settings& settings)
       : model_(model), settings_(settings) {}
 
   /// Enters a keyframe into the index and closes a loop if it sees one. Only tracking may work on
-  /// the map meanwhile; `lock` is the map's.
-  void process(Map& map, FairMutex& lock, PlaceIndex& index, KeyframeId id) {
+  /// the map meanwhile; `lock` is the map's. With `stop` set the adjustment is cut short.
+  void process(Map& map, FairMutex& lock, PlaceIndex& index, KeyframeId id,
+               const std::atomic<bool>& stop) {
     std::vector<KeyframeId> candidates;
     {
       const std::lock_guard<FairMutex> guard(lock);
@@ -67,6 +70,7 @@ class LoopClosing {
           continue;
       }
       close(map, lock, id, place, found);
+      adjust_keyframes(map, lock, model_, {}, settings_.final_iterations, &stop);
       last_loop_ = id;
       ++closed_;
       return;
@@ -130,10 +134,9 @@ class LoopClosing {
     {
       const std::lock_guard<FairMutex> guard(lock);
       edges = essential_graph(map);
-      edges.push_back({id, place,
-                       found.T_camera_world * map.keyframe(place)->T_camera_world.inverse(),
-                       kLoopWeight});
-      for (const KeyframeId k : map.keyframe_ids()) poses[k] = map.keyframe(k)->T_camera_world;
+      edges.push_back(
+          {id, place, found.T_camera_world * map.keyframe(place)->T_camera_world.inverse()});
+      poses = map.poses();
     }
     if (!optimize_pose_graph(poses, edges, poses.begin()->first)) return;
     const std::lock_guard<FairMutex> guard(lock);
@@ -163,22 +166,18 @@ class LoopClosing {
     std::vector<PoseGraphEdge> edges;
     for (const KeyframeId id : map.keyframe_ids()) {
       const Keyframe& k = *map.keyframe(id);
-      const auto add = [&](KeyframeId earlier, double weight) {
+      const auto add = [&](KeyframeId earlier) {
         const Eigen::Isometry3d& T = map.keyframe(earlier)->T_camera_world;
-        edges.push_back({id, earlier, k.T_camera_world * T.inverse(), weight});
+        edges.push_back({id, earlier, k.T_camera_world * T.inverse()});
       };
-      if (k.parent) add(k.parent, 1);
+      if (k.parent) add(k.parent);
       for (const KeyframeId other : k.loop_edges)
-        if (other < id) add(other, kLoopWeight);
+        if (other < id) add(other);
       for (const auto& [other, shared] : k.covisible)
-        if (other < id && other != k.parent && shared >= settings_.strong_covisibility)
-          add(other, 1);
+        if (other < id && other != k.parent && shared >= settings_.strong_covisibility) add(other);
     }
     return edges;
   }
-
-  // A loop weighs as much as all the links of a keyframe.
-  static constexpr double kLoopWeight = 10;
 
   CameraModel model_;
   Settings settings_;

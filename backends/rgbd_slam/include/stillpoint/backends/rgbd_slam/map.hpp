@@ -115,7 +115,8 @@ class Map {
       const Keyframe& k = *keyframe(o.keyframe);
       const Eigen::Vector3d ray = p.position - k.center();
       sum += ray.normalized();
-      if (o.keyframe == p.reference) p.scale = ScaleRange(ray.norm(), keypoint(o).scale);
+      if (o.keyframe == p.reference)
+        p.level0_distance_m = static_cast<float>(ray.norm() * keypoint(o).scale);
     }
     p.view_direction = sum.normalized();
     const Observation& oldest = p.observations.front();
@@ -193,6 +194,14 @@ class Map {
     for (; !keyframe(id); id = culled_[id.index()].parent)
       T = T * culled_[id.index()].T_this_parent;
     return T * keyframe(id)->T_camera_world;
+  }
+
+  /// T_camera_world of all that are alive.
+  std::map<KeyframeId, Eigen::Isometry3d> poses() const {
+    std::map<KeyframeId, Eigen::Isometry3d> poses;
+    for (const auto& k : keyframes_)
+      if (k) poses[k->id] = k->T_camera_world;
+    return poses;
   }
 
   /// The keypoint of an observation.

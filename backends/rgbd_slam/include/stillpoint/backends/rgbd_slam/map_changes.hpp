@@ -53,6 +53,7 @@ inline void move_map(Map& map, const std::map<KeyframeId, Eigen::Isometry3d>& po
     Keyframe* k = map.keyframe(id);
     const auto named = poses.find(id);
     if (named != poses.end()) {
+      if (named->second.matrix() == k->T_camera_world.matrix()) continue;
       step[id.index()] = named->second.inverse() * k->T_camera_world;
       k->T_camera_world = named->second;
     } else if (k->parent) {

@@ -9,7 +9,6 @@
 
 #include "stillpoint/backends/rgbd_slam/ids.hpp"
 #include "stillpoint/backends/rgbd_slam/keypoint_frame.hpp"
-#include "stillpoint/backends/rgbd_slam/matching.hpp"
 #include "stillpoint/backends/rgbd_slam/patch.hpp"
 
 namespace stillpoint::rgbd_slam {
@@ -28,7 +27,8 @@ struct MapPoint {
   /// Mean of the unit vectors from the cameras that see it to the point.
   Eigen::Vector3d view_direction = Eigen::Vector3d::Zero();
   Descriptor descriptor{};
-  ScaleRange scale;
+  /// Distance at which it would be seen on level 0 of the pyramid.
+  float level0_distance_m = 0;
   Patch patch;
   /// In ascending order of keyframes; one per keyframe.
   std::vector<Observation> observations;

@@ -3,7 +3,6 @@
 
 #include <Eigen/Core>
 #include <algorithm>
-#include <cmath>
 #include <cstddef>
 #include <opencv2/features2d.hpp>
 #include <optional>
@@ -79,21 +78,5 @@ inline std::vector<std::pair<std::size_t, std::size_t>> match_all(
   }
   return pairs;
 }
-
-/// Distance range over which a point, seen at `distance_m` on `octave`, stays in the pyramid.
-struct ScaleRange {
-  /// Distance at which the point would be seen on level 0.
-  float level0_distance_m = 0;
-
-  ScaleRange() = default;
-  ScaleRange(double distance_m, double scale)
-      : level0_distance_m(static_cast<float>(distance_m * scale)) {}
-
-  /// Level on which the point is expected at a distance; may lie outside the pyramid.
-  int octave_at(double distance_m, double log_scale_factor) const {
-    return static_cast<int>(
-        std::lround(std::log(level0_distance_m / distance_m) / log_scale_factor));
-  }
-};
 
 }  // namespace stillpoint::rgbd_slam

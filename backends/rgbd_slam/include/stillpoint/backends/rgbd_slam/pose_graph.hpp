@@ -15,7 +15,6 @@ namespace stillpoint::rgbd_slam {
 struct PoseGraphEdge {
   KeyframeId first, second;
   Eigen::Isometry3d T_first_second;
-  double weight = 1;
 };
 
 /// Difference between an edge and the poses of its ends: translation in centimetres, rotation in
@@ -23,7 +22,6 @@ struct PoseGraphEdge {
 struct PoseGraphCost {
   Eigen::Quaterniond q;
   Eigen::Vector3d t;
-  double weight;
 
   template <class T>
   bool operator()(const T* q1, const T* t1, const T* q2, const T* t2, T* residuals) const {
@@ -35,8 +33,8 @@ struct PoseGraphCost {
     const Vector translation = T1 - relative * T2;
     const Quaternion rotation = q.cast<T>().conjugate() * relative;
     Eigen::Map<Vector> rt(residuals), rr(residuals + 3);
-    rt = (translation - t.cast<T>()) * T(100 * weight);
-    rr = rotation.vec() * T((rotation.w() < T(0) ? -200 : 200) * weight);
+    rt = (translation - t.cast<T>()) * T(100);
+    rr = rotation.vec() * T(rotation.w() < T(0) ? -200 : 200);
     return true;
   }
 };
@@ -55,7 +53,7 @@ inline bool optimize_pose_graph(std::map<KeyframeId, Eigen::Isometry3d>& poses,
     const Eigen::Isometry3d& T = e.T_first_second;
     problem.AddResidualBlock(
         new ceres::AutoDiffCostFunction<PoseGraphCost, 6, 4, 3, 4, 3>(
-            new PoseGraphCost{Eigen::Quaterniond(T.linear()), T.translation(), e.weight}),
+            new PoseGraphCost{Eigen::Quaterniond(T.linear()), T.translation()}),
         nullptr, a.q.coeffs().data(), a.t.data(), b.q.coeffs().data(), b.t.data());
   }
   ceres::Solver::Summary summary;

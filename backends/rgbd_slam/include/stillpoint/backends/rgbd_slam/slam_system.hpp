@@ -134,9 +134,8 @@ class SlamSystem final : public Tracker {
   Trajectory keyframe_trajectory() const {
     const std::lock_guard<FairMutex> guard(map_mutex_);
     Trajectory trajectory;
-    for (const KeyframeId id : map_.keyframe_ids())
-      trajectory.push_back(
-          {map_.keyframe(id)->timestamp(), map_.keyframe(id)->T_camera_world.inverse()});
+    for (const auto& [id, T_camera_world] : map_.poses())
+      trajectory.push_back({map_.keyframe(id)->timestamp(), T_camera_world.inverse()});
     return trajectory;
   }
 
@@ -147,11 +146,8 @@ class SlamSystem final : public Tracker {
     wait_for_background();
     build_map();
     if (!settings_.revise_poses) return;
-    if (adjusted_to_ != map_.keyframe_end()) {
-      BundleProblem bundle = collect_bundle(map_, model_, map_.keyframe_ids());
-      if (solve_bundle(bundle, model_, settings_.final_iterations, nullptr, true))
-        apply_bundle(map_, bundle);
-    }
+    if (adjusted_to_ != map_.keyframe_end())
+      adjust_keyframes(map_, map_mutex_, model_, {}, settings_.final_iterations);
     adjusted_to_ = map_.keyframe_end();
   }
 
@@ -187,7 +183,7 @@ class SlamSystem final : public Tracker {
         hurry_ = !waiting_.empty();
       }
       mapping_->process(map_, map_mutex_, index_, id, hurry_);
-      loops_->process(map_, map_mutex_, index_, id);
+      loops_->process(map_, map_mutex_, index_, id, hurry_);
     }
   }
 

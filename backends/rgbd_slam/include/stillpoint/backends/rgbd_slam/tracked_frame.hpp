@@ -55,7 +55,8 @@ inline std::optional<Projection> project(const CameraModel& model, const Keypoin
   const Eigen::Vector2d pixel = model.camera.project(p);
   if (!frame.contains(pixel)) return std::nullopt;
   const double distance = p.norm();
-  const int octave = point.scale.octave_at(distance, std::log(model.scale_factor));
+  const int octave = static_cast<int>(
+      std::lround(std::log(point.level0_distance_m / distance) / std::log(model.scale_factor)));
   if (octave < -1 || octave > model.levels ||
       (T_camera_world.linear() * point.view_direction).dot(p) <= 0.5 * distance)
     return std::nullopt;
