@@ -77,7 +77,7 @@ class MotionCheck {
     label_outlier_corners(ego, context.labels);
     context.labels.find_wide_static();
     judged_ = true;
-    return detector_.find(cells_, context.labels);
+    return detector_.find(cells_, context.labels, outlier_cells_);
   }
 
   /// What the last find() returned.
@@ -211,6 +211,7 @@ class MotionCheck {
   // was a moment ago. Of those that have been there for longer nothing is known any more, once it
   // is seen twice: a reflection moves, and so does a flat board in its own plane.
   void label_outlier_corners(EgoMotion& ego, CellLabels& labels) {
+    outlier_cells_.clear();
     std::swap(outliers_, last_outliers_);
     outliers_.clear();
     const bool movers = registered_ && fit_ < kFitAmongMovers;
@@ -224,8 +225,10 @@ class MotionCheck {
     const bool once_is_enough = rad_s < kStillRadS || depth_s_ - start_s_ < kStartS;
     for (const CameraMotion::OutlierCorner& corner : ego.images().outlier_clusters(
              seen, ego.trusted_prediction().value_or(seen), smeared_share)) {
-      const bool twice = seen_twice(corner, seen);
+      const std::size_t cell = cell_of(corner);
+      const bool twice = seen_twice(cell, corner.depth_m, seen);
       if (!twice && !once_is_enough) continue;
+      outlier_cells_.push_back(cell);
       const int reach = static_cast<int>(kOutlierReachM * cells_.fx / corner.depth_m);
       const int cx = static_cast<int>(corner.u * per_cell);
       const int cy = static_cast<int>(corner.v * per_cell);
@@ -243,13 +246,16 @@ class MotionCheck {
     }
   }
 
-  // Whether the last frame had an outlier nearby, too.
-  bool seen_twice(const CameraMotion::OutlierCorner& corner, const Eigen::Isometry3d& T_now_last) {
+  std::size_t cell_of(const CameraMotion::OutlierCorner& corner) const {
     const float per_cell = 1.0f / static_cast<float>(cells_.block_px);
     const int x = std::min(cells_.width - 1, static_cast<int>(corner.u * per_cell));
     const int y = std::min(cells_.height - 1, static_cast<int>(corner.v * per_cell));
-    const std::size_t i = cells_.index(x, y);
-    outliers_.push_back(corner.depth_m * Eigen::Vector3f(cells_.ray_x[i], cells_.ray_y[i], 1));
+    return cells_.index(x, y);
+  }
+
+  // Whether the last frame had an outlier nearby, too.
+  bool seen_twice(std::size_t cell, float depth_m, const Eigen::Isometry3d& T_now_last) {
+    outliers_.push_back(depth_m * Eigen::Vector3f(cells_.ray_x[cell], cells_.ray_y[cell], 1));
     const Eigen::Isometry3f T = T_now_last.cast<float>();
     return std::any_of(
         last_outliers_.begin(), last_outliers_.end(), [&](const Eigen::Vector3f& last) {
@@ -274,7 +280,8 @@ class MotionCheck {
   double fit_ = 0;                                // where it is registered
   std::vector<std::uint8_t> dynamic_, touching_;  // of the last frame, by cell
   std::vector<Visit> queue_;
-  double start_s_ = 0;                                     // of the map
+  std::vector<std::size_t> outlier_cells_;  // of the outlier corners of the last frame
+  double start_s_ = 0;                      // of the map
   std::vector<Eigen::Vector3f> outliers_, last_outliers_;  // of two frames, each in its camera
 };
 

@@ -27,11 +27,15 @@ class MoverDetector {
 
   const Settings& settings() const { return settings_; }
 
-  /// Finds the movers of a frame. The reference stays valid until the next call; masks that are
-  /// copied out of it stay as they are.
-  const std::vector<Instance>& find(const DepthCells& cells, const CellLabels& labels) {
+  /// Finds the movers of a frame. `outlier_corners`: the cells of corners that move otherwise than
+  /// the camera says. The reference stays valid until the next call; masks that are copied out of
+  /// it stay as they are.
+  const std::vector<Instance>& find(const DepthCells& cells, const CellLabels& labels,
+                                    const std::vector<std::size_t>& outlier_corners = {}) {
     clear();
     taken_.assign(cells.size(), 0);
+    corner_.assign(cells.size(), 0);
+    for (const std::size_t i : outlier_corners) corner_[i] = 1;
     for (int y = 0; y < cells.height; ++y)
       for (int x = 0; x < cells.width; ++x) {
         const std::size_t i = cells.index(x, y);
@@ -49,13 +53,18 @@ class MoverDetector {
 
  private:
   static constexpr int kManyCells = 50;
+  // Of a mover that the image cuts off, large and close, the border says little: its surface goes
+  // on into cells of its own. Nearly all that was found of it has moved then, and so many cells
+  // have corners that show it. Where depth errs, as on a black screen, corners don't.
+  static constexpr int kManyCorners = 8;
+  static constexpr double kNearlyAll = 0.9;
 
   struct Visit {
     int x, y, distance;
   };
   struct Region {
     cv::Rect box;
-    int moved = 0, judged = 0;  // cells
+    int moved = 0, judged = 0, corners = 0;  // cells
     double moved_m2 = 0;
     int open = 0, closed = 0;  // sides of cells at its border
   };
@@ -74,6 +83,7 @@ class MoverDetector {
         ++region.moved;
         region.moved_m2 += static_cast<double>(z) * z / (cells.fx * cells.fy);
       }
+      region.corners += corner_[i];
       region.judged += labels[i] == CellLabel::kMoved || labels.seen(i);
       region.box |= cv::Rect(visit.x, visit.y, 1, 1);
       const int reach = static_cast<int>(settings_.growth_m * cells.fx / z);
@@ -102,7 +112,8 @@ class MoverDetector {
     return region.moved >= settings_.min_moved_cells &&
            (region.moved_m2 >= settings_.min_moved_area_m2 || region.moved >= kManyCells) &&
            region.moved >= settings_.min_moved_share * region.judged &&
-           region.open <= settings_.max_open_share * (region.open + region.closed);
+           (region.open <= settings_.max_open_share * (region.open + region.closed) ||
+            (region.corners >= kManyCorners && region.moved >= kNearlyAll * region.judged));
   }
 
   void add_instance(int block_px, const cv::Rect& box) {
@@ -119,7 +130,7 @@ class MoverDetector {
   }
 
   Settings settings_;
-  std::vector<std::uint8_t> taken_;
+  std::vector<std::uint8_t> taken_, corner_;  // cells
   std::vector<Visit> queue_;
   std::vector<Instance> found_;
   detail::MaskPool masks_;
