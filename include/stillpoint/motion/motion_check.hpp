@@ -225,13 +225,14 @@ class MotionCheck {
     const bool once_is_enough = rad_s < kStillRadS || depth_s_ - start_s_ < kStartS;
     for (const CameraMotion::OutlierCorner& corner : ego.images().outlier_clusters(
              seen, ego.trusted_prediction().value_or(seen), smeared_share)) {
-      const std::size_t cell = cell_of(corner);
+      const int cx = static_cast<int>(corner.u * per_cell);
+      const int cy = static_cast<int>(corner.v * per_cell);
+      const std::size_t cell =
+          cells_.index(std::min(cx, cells_.width - 1), std::min(cy, cells_.height - 1));
       const bool twice = seen_twice(cell, corner.depth_m, seen);
       if (!twice && !once_is_enough) continue;
       outlier_cells_.push_back(cell);
       const int reach = static_cast<int>(kOutlierReachM * cells_.fx / corner.depth_m);
-      const int cx = static_cast<int>(corner.u * per_cell);
-      const int cy = static_cast<int>(corner.v * per_cell);
       for (int y = std::max(0, cy - reach); y <= std::min(cells_.height - 1, cy + reach); ++y)
         for (int x = std::max(0, cx - reach); x <= std::min(cells_.width - 1, cx + reach); ++x) {
           const std::size_t i = cells_.index(x, y);
@@ -244,13 +245,6 @@ class MotionCheck {
             labels[i] = CellLabel::kUnknown;
         }
     }
-  }
-
-  std::size_t cell_of(const CameraMotion::OutlierCorner& corner) const {
-    const float per_cell = 1.0f / static_cast<float>(cells_.block_px);
-    const int x = std::min(cells_.width - 1, static_cast<int>(corner.u * per_cell));
-    const int y = std::min(cells_.height - 1, static_cast<int>(corner.v * per_cell));
-    return cells_.index(x, y);
   }
 
   // Whether the last frame had an outlier nearby, too.

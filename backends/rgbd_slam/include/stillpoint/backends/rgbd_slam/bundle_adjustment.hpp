@@ -220,6 +220,7 @@ inline bool solve_bundle(BundleProblem& b, const CameraModel& model, int max_ite
 
 /// Adjusts keyframes (none named: all) and the points that they see, and takes back the
 /// observations that do not fit. Solves without the lock; what tracking adds meanwhile moves along.
+/// With the lock O(map), and a pass over the points adjusted.
 inline void adjust_keyframes(Map& map, FairMutex& lock, const CameraModel& model,
                              const std::vector<KeyframeId>& keyframes, int max_iterations,
                              const std::atomic<bool>* stop = nullptr) {

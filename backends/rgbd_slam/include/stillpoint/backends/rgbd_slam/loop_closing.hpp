@@ -40,7 +40,7 @@ class LoopClosing {
     /// Points shared by two keyframes that make an edge of the essential graph.
     int strong_covisibility = 80;
     /// Iterations of the bundle adjustment of all keyframes that follows; 6 s for 400.
-    int final_iterations = 5;
+    int bundle_iterations = 5;
   };
 
   LoopClosing(const CameraModel& model, const Settings& settings)
@@ -70,7 +70,7 @@ class LoopClosing {
           continue;
       }
       close(map, lock, id, place, found);
-      adjust_keyframes(map, lock, model_, {}, settings_.final_iterations, &stop);
+      adjust_keyframes(map, lock, model_, {}, settings_.bundle_iterations, &stop);
       last_loop_ = id;
       ++closed_;
       return;
