@@ -10,6 +10,15 @@
 #define STILLPOINT_RESTRICT
 #endif
 
+/// For the operators of small vectors: a call costs more than what they do.
+#if defined(__GNUC__) || defined(__clang__)
+#define STILLPOINT_ALWAYS_INLINE inline __attribute__((always_inline))
+#elif defined(_MSC_VER)
+#define STILLPOINT_ALWAYS_INLINE __forceinline
+#else
+#define STILLPOINT_ALWAYS_INLINE inline
+#endif
+
 /// Functions of a header whose code a program compiles itself, or, with STILLPOINT_COMPILED, has from
 /// the library stillpoint::compiled.
 #ifdef STILLPOINT_COMPILED

@@ -25,58 +25,74 @@ class RegionPixels {
     const cv::Mat depth = region.samples().depth().image()(area);
     const int cell_px = region.samples().cell_px();
     const cv::Rect box = instance.box - area.tl();
+    // With a pixel around, so that each has neighbors.
+    known_.create(area.height + 2, area.width + 2);
+    for (const int y : {0, area.height + 1}) known_.row(y).setTo(0);
     for (int y = 0; y < area.height; ++y) {
       const std::uint16_t* z = depth.ptr<std::uint16_t>(y);
-      find_in_bounds(z, lo_[y / cell_px], hi_[y / cell_px], area.width, mask.ptr<uchar>(y));
+      uchar* known = known_.ptr(y + 1);
+      known[0] = known[area.width + 1] = 0;
+      find_in_bounds(z, lo_[y / cell_px], hi_[y / cell_px], area.width, known + 1);
       if (!instance.mask.empty() && y >= box.y && y < box.br().y)
         add_unmeasured(z + box.x, instance.mask.ptr<uchar>(y - box.y), box.width,
-                       mask.ptr<uchar>(y) + box.x);
+                       known + 1 + box.x);
     }
-    // At outlines cameras measure nothing. Isolated: in memory other masks lie beside this one.
-    wide_.create(region.samples().depth().size());
-    cv::Mat wide = wide_(area);
-    cv::dilate(mask, wide, cv::Mat(), {-1, -1}, 1, cv::BORDER_CONSTANT | cv::BORDER_ISOLATED);
     for (int y = 0; y < area.height; ++y)
-      add_unmeasured(depth.ptr<std::uint16_t>(y), wide.ptr<uchar>(y), area.width,
-                     mask.ptr<uchar>(y));
+      add_unmeasured_beside(depth.ptr<std::uint16_t>(y), known_[y], known_[y + 1], known_[y + 2],
+                            area.width, mask.ptr<uchar>(y));
   }
 
  private:
-  static constexpr int kMost = 65535;
+  static constexpr std::uint16_t kMost = 65535;
 
   // The depths, in units, that pixels of the cells used may have: those of the cells of the region
   // around each, and a little more. A row for each row of cells, a column for each pixel.
   void find_bounds(const ObjectRegion& region) {
-    const cv::Mat units = region.samples().units()(region.used());
-    cv::compare(region.states()(region.used()), static_cast<int>(kRegion), region_, cv::CMP_EQ);
-    least_.create(units.size()), most_.create(units.size());
-    least_.setTo(kMost), most_.setTo(0);
-    units.copyTo(least_, region_);
-    units.copyTo(most_, region_);
-    const cv::Mat around;  // 3 x 3 cells
-    cv::erode(least_, least_, around);
-    cv::dilate(most_, most_, around);
-    cv::erode(region_, region_, around, {-1, -1}, 1, cv::BORDER_CONSTANT, 0);
-    const DepthView& depth = region.samples().depth();
-    for (int y = 0; y < units.rows; ++y)
-      for (int x = 0; x < units.cols; ++x) {
-        const float near_m = depth.to_m(least_(y, x)), far_m = depth.to_m(most_(y, x));
-        const float slack_m = 0.03f + 0.01f * near_m;
-        int lo = 1, hi = 0;  // no pixel
-        if (region_(y, x) != 0) {
-          lo = 0, hi = kMost;  // all, measured or not
-        } else if (far_m > 0) {
-          lo = std::max(1, depth.first_units(near_m - slack_m));
-          hi = std::max(lo, depth.last_units(far_m + slack_m));
-        }
-        least_(y, x) = static_cast<std::uint16_t>(lo), most_(y, x) = static_cast<std::uint16_t>(hi);
+    const cv::Rect& used = region.used();
+    const int cell_px = region.samples().cell_px();
+    lo_.create(used.height, used.width * cell_px), hi_.create(lo_.size());
+    cv::compare(region.states()(used), static_cast<int>(kRegion), region_, cv::CMP_EQ);
+    cv::boxFilter(region_, share_, CV_8U, {3, 3}, {-1, -1}, true, cv::BORDER_CONSTANT);
+    for (int y = 0; y < used.height; ++y) {
+      const uchar* share = share_[y];
+      std::uint16_t *lo = lo_[y], *hi = hi_[y];
+      for (int x = 0; x < used.width; ++x) {
+        Bounds bounds{1, 0};  // no pixel
+        if (share[x] == 255)
+          bounds = {0, kMost};  // all, measured or not
+        else if (share[x] > 0)
+          bounds = bounds_around(region, used.tl() + cv::Point(x, y));
+        for (int k = 0; k < cell_px; ++k) *lo++ = bounds.lo, *hi++ = bounds.hi;
       }
-    const cv::Size wide(units.cols * region.samples().cell_px(), units.rows);
-    cv::resize(least_, lo_, wide, 0, 0, cv::INTER_NEAREST);
-    cv::resize(most_, hi_, wide, 0, 0, cv::INTER_NEAREST);
+    }
   }
 
-  // These two without branches, as loops of vector instructions.
+  struct Bounds {
+    std::uint16_t lo, hi;
+  };
+
+  // From the cells of the region among the 3 x 3 around a cell.
+  static Bounds bounds_around(const ObjectRegion& region, const cv::Point& cell) {
+    const cv::Point one(1, 1);
+    const cv::Rect around = cv::Rect(cell - one, cv::Size(3, 3)) & region.used();
+    std::uint16_t least = kMost, most = 0;
+    for (int y = around.y; y < around.br().y; ++y) {
+      const std::uint8_t* state = region.states()[y];
+      const std::uint16_t* units = region.samples().units()[y];
+      for (int x = around.x; x < around.br().x; ++x) {
+        if (state[x] != kRegion) continue;
+        least = std::min(least, units[x]), most = std::max(most, units[x]);
+      }
+    }
+    const DepthView& depth = region.samples().depth();
+    const float near_m = depth.to_m(least), far_m = depth.to_m(most);
+    const float slack_m = 0.03f + 0.01f * near_m;
+    const int lo = std::max(1, depth.first_units(near_m - slack_m));
+    const int hi = std::max(lo, depth.last_units(far_m + slack_m));
+    return {static_cast<std::uint16_t>(lo), static_cast<std::uint16_t>(hi)};
+  }
+
+  // These without branches, as loops of vector instructions.
   static void find_in_bounds(const std::uint16_t* z, const std::uint16_t* lo,
                              const std::uint16_t* hi, int n, uchar* STILLPOINT_RESTRICT out) {
     for (int x = 0; x < n; ++x) out[x] = ((z[x] >= lo[x]) & (z[x] <= hi[x])) ? 255 : 0;
@@ -85,11 +101,20 @@ class RegionPixels {
                              uchar* STILLPOINT_RESTRICT out) {
     for (int x = 0; x < n; ++x) out[x] = ((z[x] == 0) & (among[x] != 0)) ? 255 : out[x];
   }
+  // At outlines cameras measure nothing: such pixels join the object right beside them. The rows
+  // of what is known begin a pixel before the others.
+  static void add_unmeasured_beside(const std::uint16_t* z, const uchar* above, const uchar* here,
+                                    const uchar* below, int n, uchar* STILLPOINT_RESTRICT out) {
+    for (int x = 0; x < n; ++x) {
+      const int beside = above[x] | above[x + 1] | above[x + 2] | here[x] | here[x + 1] |
+                         here[x + 2] | below[x] | below[x + 1] | below[x + 2];
+      out[x] = static_cast<uchar>(z[x] == 0 ? beside : here[x + 1]);
+    }
+  }
 
-  cv::Mat_<uchar> region_;                // of the cells used
-  cv::Mat_<std::uint16_t> least_, most_;  // of the cells used, units
-  cv::Mat_<std::uint16_t> lo_, hi_;       // of a row of cells, for each column of pixels
-  cv::Mat_<uchar> wide_;                  // of the image
+  cv::Mat_<uchar> region_, share_;   // of the cells used: in the region; of those around, 255 = all
+  cv::Mat_<std::uint16_t> lo_, hi_;  // of a row of cells, for each column of pixels
+  cv::Mat_<uchar> known_;            // the object's pixels before those right beside it
 };
 
 }  // namespace stillpoint

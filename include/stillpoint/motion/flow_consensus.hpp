@@ -8,6 +8,7 @@
 #include <optional>
 #include <vector>
 
+#include "stillpoint/core/config.hpp"
 #include "stillpoint/core/normal_equations.hpp"
 #include "stillpoint/core/random.hpp"
 #include "stillpoint/core/rigid_motion.hpp"
@@ -127,9 +128,9 @@ class FlowConsensus {
     Packet u = x, v = x, depth = x, depth_tolerance = x, area = x;
 
     void set(std::size_t k, const Flow& f) {
-      x[k] = f.from.x(), y[k] = f.from.y(), z[k] = f.from.z();
-      u[k] = f.flat_u, v[k] = f.flat_v, depth[k] = f.depth_m, area[k] = f.area;
-      depth_tolerance[k] = f.depth_m > 0 ? f.depth_tolerance_m : kHuge;
+      x.set(k, f.from.x()), y.set(k, f.from.y()), z.set(k, f.from.z());
+      u.set(k, f.flat_u), v.set(k, f.flat_v), depth.set(k, f.depth_m), area.set(k, f.area);
+      depth_tolerance.set(k, f.depth_m > 0 ? f.depth_tolerance_m : kHuge);
     }
   };
 
@@ -158,7 +159,7 @@ class FlowConsensus {
     per_square_ = 1 / (max_error_px * max_error_px);
   }
 
-  View look(const Block& b, const Motion& m) const {
+  STILLPOINT_ALWAYS_INLINE View look(const Block& b, const Motion& m) const {
     View s;
     // What came too close is nowhere near its corner.
     s.z = (m.R(2, 0) * b.x + m.R(2, 1) * b.y + m.R(2, 2) * b.z + m.t[2])

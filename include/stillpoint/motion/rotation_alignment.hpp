@@ -70,6 +70,7 @@ class RotationAlignment {
     const float fx = static_cast<float>(K(0, 0)), cx = static_cast<float>(K(0, 2));
     const float fy = static_cast<float>(K(1, 1)), cy = static_cast<float>(K(1, 2));
     const auto four = [](const float* first) { return Packet::load(first); };
+    static constexpr float kFirst[] = {0, 1, 2, 3};
     NormalPackets<4> normal;
     for (int v = 1; v + 1 < small_.rows; ++v) {
       const float* before = small_before_.ptr<float>(v);
@@ -78,7 +79,7 @@ class RotationAlignment {
       const float* now = warped_.ptr<float>(v);
       const Packet y = Packet::constant((static_cast<float>(v) - cy) / fy);
       for (int u = 1; u + 4 < small_.cols; u += 4) {
-        const Packet x = (static_cast<float>(u) - cx + Packet{{0, 1, 2, 3}}) / fx;
+        const Packet x = (static_cast<float>(u) - cx + four(kFirst)) / fx;
         const Packet gx = 0.5f * fx * (four(before + u + 1) - four(before + u - 1));
         const Packet gy = 0.5f * fy * (four(below + u) - four(above + u));
         const Packet seen = (four(now + u) * kHuge + 1).max(0.0f).min(1.0f);  // 0: out of view
