@@ -100,12 +100,24 @@ class DepthMaskFuser {
     if (use_depth) begin_depth(depth, segmentation.instances, context.T_current_last);
     undilated_.create(context.size(), CV_8UC1);
     undilated_.setTo(0);
-    fused_.clear();
-    for (const Instance& s : segmentation.instances) {
-      fused_.push_back(s);
-      if (use_depth) find_mask(context.labels, fused_.back());
-      detail::add_to_mask(fused_.back(), undilated_);
-    }
+    fused_ = segmentation.instances;
+    for (const bool movers : {false, true})
+      for (Instance& s : fused_) {
+        if (s.class_name.empty() != movers) continue;
+        if (use_depth && !(movers && take_of_named(s))) find_mask(context.labels, s);
+        detail::add_to_mask(s, undilated_);
+      }
+  }
+
+  // Most movers are people whom the segmenter has seen, too. Of one that is nearly covered by what
+  // was found of the objects before it, that is its mask; nothing else needs to be found.
+  bool take_of_named(Instance& mover) {
+    if (mover.mask.empty()) return false;
+    cv::Mat both = masks_.take(mover.box.size());
+    cv::bitwise_and(mover.mask, undilated_(mover.box), both);
+    if (cv::countNonZero(both) < kNearlyAll * cv::countNonZero(mover.mask)) return false;
+    mover.mask = both;
+    return true;
   }
 
   // Takes the samples and finds the floor, which the camera's motion carries along if it is known.
@@ -199,6 +211,7 @@ class DepthMaskFuser {
     cv::bitwise_or(all, dilated, all);
   }
 
+  static constexpr double kNearlyAll = 0.9;
   static constexpr float kPredictedSlackM = 0.06f;  // how far off a predicted mask may be
 
   Settings settings_;
