@@ -32,7 +32,6 @@ TEST(DepthSamples, AreOnePlaceInEachCell) {
   for (const int side : {1, 4, 7, 64, 300}) {
     DepthSamples samples(side, 1);
     samples.begin(view);
-    samples.take(samples.cells_of({{}, kSize}));
     ASSERT_EQ(samples.units().size(),
               cv::Size((kSize.width - 1) / side + 1, (kSize.height - 1) / side + 1));
     for (int y = 0; y < samples.units().rows; ++y)

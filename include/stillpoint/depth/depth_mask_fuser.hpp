@@ -137,7 +137,6 @@ class DepthMaskFuser {
   void find_mask(const CellLabels& labels, Instance& instance) {
     const bool paper = settings_.method == Settings::Method::kPaper;
     DepthRange range;
-    samples_.take(samples_.cells_of(instance.box));
     if (!paper && ranges_.find_on_mask(samples_, instance, labels, states_, range))
       return find_connected(labels, range, instance);
     const bool in_box =

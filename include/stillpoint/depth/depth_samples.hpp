@@ -33,19 +33,18 @@ class DepthSamples {
         *offset = static_cast<std::uint16_t>(random.below(static_cast<std::size_t>(cell_px)));
   }
 
-  /// Refers to the depth of a frame, which must outlive this. O(1).
+  /// Takes the samples of a frame's depth, to which it refers: it must outlive this. O(cells).
   void begin(const DepthView& depth) {
     depth_ = &depth;
-    units_.create(cells_of({{}, depth.size()}).size());
-  }
-  /// Takes the samples of these cells. Only they can be asked for: most of an image is far from any
-  /// object. O(cells).
-  void take(const cv::Rect& cells) {
-    for (int y = cells.y; y < cells.br().y; ++y)
-      for (int x = cells.x; x < cells.br().x; ++x) {
-        const cv::Point p = place({x, y});
-        units_(y, x) = depth_->row(p.y)[p.x];
+    const cv::Rect cells = cells_of({{}, depth.size()});
+    units_.create(cells.size());
+    for (cv::Point cell; cell.y < cells.height; ++cell.y) {
+      std::uint16_t* units = units_[cell.y];
+      for (cell.x = 0; cell.x < cells.width; ++cell.x) {
+        const cv::Point p = place(cell);
+        units[cell.x] = depth.row(p.y)[p.x];
       }
+    }
   }
 
   const DepthView& depth() const { return *depth_; }

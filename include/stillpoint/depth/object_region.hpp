@@ -23,12 +23,11 @@ class ObjectRegion {
   /// The cells within `margin_px` of the box may be looked at; the region are those on the mask, as
   /// in `states`, with a sample in the range, unless they are floor. Refers to all that is given.
   /// O(cells).
-  void begin(DepthSamples& samples, const InversePlane& floor, const cv::Rect& box, int margin_px,
-             const DepthRange& range, CellStates& states) {
+  void begin(const DepthSamples& samples, const InversePlane& floor, const cv::Rect& box,
+             int margin_px, const DepthRange& range, CellStates& states) {
     samples_ = &samples, floor_ = &floor, states_ = &states;
     limits_ = samples.cells_of(grow_rect(box, margin_px, samples.depth().size()));
     used_ = samples.cells_of(box);
-    samples.take(limits_);
     const float slack = 0.05f, lo = range.lo_m - slack, hi = range.hi_m + slack;
     for_each_used([&](const cv::Point& cell, std::uint8_t& state) {
       if (state == kOnMask && z(cell) >= lo && z(cell) <= hi)
