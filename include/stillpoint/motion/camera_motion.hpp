@@ -213,9 +213,8 @@ class CameraMotion {
     f.flat_u = flat.x(), f.flat_v = flat.y();
     f.area = c.dynamic ? 0 : std::min(c.depth_m, 4.0f) * std::min(c.depth_m, 4.0f);
     const int u = static_cast<int>(f.u + 0.5f), v = static_cast<int>(f.v + 0.5f);
-    f.depth_m = current_.whole_depth(depth, u, v, CornerImage::kFar);
-    f.smooth = f.depth_m > 0;
-    if (!f.smooth) f.depth_m = current_.whole_depth(depth, u, v, CornerImage::kNear);
+    f.depth_m = current_.whole_depth(depth, u, v);
+    f.smooth = f.depth_m > 0 && current_.is_whole(depth, u, v, CornerImage::kFar);
     // Of two measurements, the corner's in the last frame and this one.
     f.depth_tolerance_m = std::sqrt(2.0f) * sensor_.least_step_m(f.depth_m);
     consensus_.add(f);

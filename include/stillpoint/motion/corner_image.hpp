@@ -114,12 +114,26 @@ class CornerImage {
     corners.erase(keep(corners.begin(), first_dynamic, most_static), first_dynamic);
   }
 
-  /// Depth around a pixel, up to `fine_reach` fine pixels away; 0 where it is not measured or torn
-  /// by an edge.
-  float whole_depth(const DepthView& view, int u, int v, int fine_reach) const {
+  /// Depth around a pixel; 0 where it is not measured, or an edge tears the patch on the fine
+  /// image.
+  float whole_depth(const DepthView& view, int u, int v) const {
+    if (!is_whole(view, u, v, kNear)) return 0;
+    const int step = 2 * scale;
+    int sum = 0, n = 0;
+    for (int y = v - step; y <= v + step; y += step)
+      for (int x = u - step; x <= u + step; x += step) {
+        const std::uint16_t z = view.row(y)[x];
+        sum += z, n += z != 0;
+      }
+    return n < 5 ? 0
+                 : static_cast<float>(sum) / static_cast<float>(n) * view.metres_per_unit_value();
+  }
+
+  /// Whether no edge tears the depth around a pixel, up to `fine_reach` fine pixels away.
+  bool is_whole(const DepthView& view, int u, int v, int fine_reach) const {
     const int reach = fine_reach * scale, step = 2 * scale;
     if (u < reach || v < reach || u + reach >= view.size().width || v + reach >= view.size().height)
-      return 0;
+      return false;
     std::uint16_t lo = 65535, hi = 0;  // lo: one less, so that 0, no measurement, is the highest
     for (int y = v - reach; y <= v + reach; y += step) {
       const std::uint16_t* row = view.row(y) + u;
@@ -127,19 +141,11 @@ class CornerImage {
         lo = std::min(lo, static_cast<std::uint16_t>(row[x] - 1));
         hi = std::max(hi, row[x]);
       }
+      // Most patches that are torn are so before the last row.
+      const float near = view.to_m(static_cast<std::uint16_t>(lo + 1));
+      if (!(view.to_m(hi) - near < 0.05f + 0.07f * near)) return false;
     }
-    int sum = 0, n = 0;
-    for (int y = v - step; y <= v + step; y += step)
-      for (int x = u - step; x <= u + step; x += step) {
-        const std::uint16_t z = view.row(y)[x];
-        sum += z, n += z != 0;
-      }
-    if (n < 5) return 0;
-    const float near = view.to_m(static_cast<std::uint16_t>(lo + 1));
-    const float far = view.to_m(hi);
-    return far - near < 0.05f + 0.07f * near
-               ? static_cast<float>(sum) / static_cast<float>(n) * view.metres_per_unit_value()
-               : 0;
+    return true;
   }
 
  private:
@@ -164,7 +170,7 @@ class CornerImage {
         for (int x = 1; x < kBlock; ++x) most = std::max(most, column[x]);
         if (!(most > kMinScore)) continue;
         Corner best = first_of_block(x0, y0, most);
-        best.depth_m = whole_depth(view, scale * best.x, scale * best.y, kNear);
+        best.depth_m = whole_depth(view, scale * best.x, scale * best.y);
         if (best.depth_m > 0)
           corners.push_back(best);
         else if (view.row(scale * best.y)[scale * best.x] == 0)

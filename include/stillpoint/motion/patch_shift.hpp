@@ -63,7 +63,9 @@ class Patch {
   using Row = PacketOf<kSide>;
 
   static Row row(const float* first) { return Row::load(first); }
-  static float total(const Row& r) { return static_cast<float>(sum(r)); }
+  static float total(const Row& r) {
+    return ((r[0] + r[4]) + (r[2] + r[6])) + ((r[1] + r[5]) + (r[3] + r[7]));
+  }
 
   Eigen::Matrix3f information_of_slopes() const {
     Row xx = Row::constant(0), xy = xx, yy = xx, x = xx, y = xx;
