@@ -12,6 +12,7 @@
 #include "stillpoint/core/config.hpp"
 #include "stillpoint/core/depth_view.hpp"
 #include "stillpoint/core/frame_context.hpp"
+#include "stillpoint/motion/corner_score.hpp"
 #include "stillpoint/motion/patch_shift.hpp"
 
 namespace stillpoint::detail {
@@ -157,7 +158,7 @@ class CornerImage {
   static constexpr float kEndOfRange = 0.85f;  // as in FarHoles
 
   void find_corners(const DepthView& view) {
-    cv::cornerMinEigenVal(coarse_bytes_, score_, 3);
+    scores_.find(coarse_bytes_, score_);
     const std::size_t width = static_cast<std::size_t>(coarse.cols);
     highest_.resize(width);
     for (int y0 = kRim; y0 + kBlock + kRim <= coarse.rows; y0 += kBlock) {
@@ -213,6 +214,7 @@ class CornerImage {
 
   std::vector<Corner> unmeasured_;  // in holes of the depth
   cv::Size frame_size_;
+  CornerScore scores_;
   cv::Mat fine_bytes_, coarse_bytes_, score_;
   std::vector<float> highest_;  // score of the columns of a row of blocks
 };

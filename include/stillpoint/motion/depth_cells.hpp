@@ -79,13 +79,20 @@ struct DepthCells {
   // Fills depth_m. `noise`: see kUsualNoise; what it spreads does not tear a cell.
   void measure(const DepthView& depth, float noise) {
     spread_.clear();
-    columns_.resize(static_cast<std::size_t>(width) * static_cast<std::size_t>(block_px));
-    for (int y = 0; y < height; ++y) {
-      columns_.clear();
-      for (int k = 1; k < block_px; k += 2) columns_.add(depth.row(y * block_px + k));
+    // With a number that the compiler knows, short loops become plain code.
+    if (block_px == 8)
+      measure_blocks(depth, 4, noise);
+    else
+      measure_blocks(depth, block_px / 2, noise);
+  }
+
+  // Of every second pixel of every second row, `side` each.
+  STILLPOINT_ALWAYS_INLINE void measure_blocks(const DepthView& depth, int side, float noise) {
+    const std::size_t stride = depth.image().step1();
+    for (int y = 0; y < height; ++y)
       for (int x = 0; x < width; ++x)
-        depth_m[index(x, y)] = block_depth(x * block_px, depth.metres_per_unit_value(), noise);
-    }
+        depth_m[index(x, y)] = block_depth(depth.row(y * block_px) + x * block_px, stride, side,
+                                           depth.metres_per_unit_value(), noise);
   }
 
   // The noise of this frame's pixels (see kUsualNoise); 0 where too little is far enough away.
@@ -117,56 +124,27 @@ struct DepthCells {
       }
   }
 
-  // What every second row of a row of blocks measures, per column of pixels.
-  struct Columns {
-    std::vector<std::uint16_t> lo, hi, n;  // lo: one less; 65535 without a measurement
-    std::vector<std::uint32_t> sum;
-
-    void resize(std::size_t size) {
-      for (auto* v : {&lo, &hi, &n}) v->resize(size);
-      sum.resize(size);
-    }
-    void clear() {
-      std::fill(lo.begin(), lo.end(), std::uint16_t{65535});
-      for (auto* v : {&hi, &n}) std::fill(v->begin(), v->end(), std::uint16_t{0});
-      std::fill(sum.begin(), sum.end(), 0u);
-    }
-    void add(const std::uint16_t* row) {
-      add_to(row, sum.size(), lo.data(), hi.data(), n.data(), sum.data());
-    }
-    static void add_to(const std::uint16_t* STILLPOINT_RESTRICT z, std::size_t count,
-                       std::uint16_t* STILLPOINT_RESTRICT lo, std::uint16_t* STILLPOINT_RESTRICT hi,
-                       std::uint16_t* STILLPOINT_RESTRICT n,
-                       std::uint32_t* STILLPOINT_RESTRICT sum) {
-      for (std::size_t i = 0; i < count; ++i) {
-        const std::uint16_t less = static_cast<std::uint16_t>(z[i] - 1);
-        lo[i] = less < lo[i] ? less : lo[i];
-        hi[i] = z[i] > hi[i] ? z[i] : hi[i];
-        n[i] = static_cast<std::uint16_t>(n[i] + (z[i] != 0 ? 1 : 0));
-        sum[i] += z[i];
+  STILLPOINT_ALWAYS_INLINE float block_depth(const std::uint16_t* first, std::size_t stride,
+                                             int side, float to_m, float noise) {
+    const int samples = side * side;
+    unsigned lo = 65535, hi = 0, n = 0, sum = 0;  // lo: one less, so that 0 is the highest
+    for (int y = 0; y < side; ++y) {
+      const std::uint16_t* row = first + static_cast<std::size_t>(2 * y + 1) * stride + 1;
+      for (int x = 0; x < side; ++x, row += 2) {
+        const unsigned z = *row;
+        lo = std::min(lo, (z - 1) & 65535u), hi = std::max(hi, z);
+        n += z != 0, sum += z;
       }
     }
-  };
-
-  // Of every second column.
-  float block_depth(int x0, float to_m, float noise) {
-    const int samples = (block_px / 2) * (block_px / 2);
-    int lo = 65536, hi = 0, n = 0;
-    std::uint32_t sum = 0;
-    for (int k = 1; k < block_px; k += 2) {
-      const std::size_t i = static_cast<std::size_t>(x0 + k);
-      lo = std::min(lo, columns_.lo[i] + 1), hi = std::max<int>(hi, columns_.hi[i]);
-      n += columns_.n[i], sum += columns_.sum[i];
-    }
     if (n == 0) return -1;
-    if (2 * n < samples) return 0;
-    const float near = static_cast<float>(lo) * to_m, far = static_cast<float>(hi) * to_m;
-    if (n == samples && near > kNoiseFromM) spread_.push_back((far - near) / (near * near));
+    if (static_cast<int>(2 * n) < samples) return 0;
+    const float near = static_cast<float>(lo + 1) * to_m, far = static_cast<float>(hi) * to_m;
+    if (static_cast<int>(n) == samples && near > kNoiseFromM)
+      spread_.push_back((far - near) / (near * near));
     const float whole = std::max(0.03f + 0.05f * near, kMostSpread * noise * near * near);
     return far - near < whole ? static_cast<float>(sum) / static_cast<float>(n) * to_m : 0;
   }
 
-  Columns columns_;
   std::vector<float> spread_;  // of far cells, over z^2
 };
 
