@@ -15,7 +15,7 @@
 #include "stillpoint/core/frame_context.hpp"
 #include "stillpoint/core/instance.hpp"
 #include "stillpoint/motion/depth_cells.hpp"
-#include "stillpoint/motion/depth_registration.hpp"
+#include "stillpoint/motion/depth_pose.hpp"
 #include "stillpoint/motion/ego_motion.hpp"
 #include "stillpoint/motion/free_space_map.hpp"
 #include "stillpoint/motion/motion_check_settings.hpp"
@@ -43,7 +43,7 @@ class MotionCheck {
   explicit MotionCheck(const Settings& settings = {}, const SensorModel& sensor = {})
       : settings_(settings),
         sensor_(sensor),
-        registration_(sensor),
+        pose_(sensor),
         map_(sensor),
         detector_(settings.movers) {
     settings.check();
@@ -71,9 +71,9 @@ class MotionCheck {
                                                 : std::clamp(2 * ((size_.width + 80) / 160), 2, 64);
     cells_.set(context.depth, block_px);
     if (cells_.size() == 0) return detector_.found();  // not one cell
-    locate(context.frame.depth_time(), ego);
-    if (map_.empty()) start_s_ = depth_s_;
-    map_.judge(depth_s_, T_map_depth_, lateral_cells_, cells_, context.labels);
+    pose_.locate(context.frame.depth_time(), cells_, ego, map_);
+    if (map_.empty()) start_s_ = pose_.depth_s();
+    map_.judge(pose_.depth_s(), pose_.T_map_depth(), pose_.lateral_cells(), cells_, context.labels);
     label_outlier_corners(ego, context.labels);
     context.labels.find_wide_static();
     judged_ = true;
@@ -101,36 +101,24 @@ class MotionCheck {
               static_cast<std::uint8_t>((row[x * b + b / 4] | row[x * b + b / 4 + b / 2]) != 0);
       }
     find_touching();
-    map_.add(depth_s_, T_map_depth_, lateral_cells_, cells_, dynamic_, touching_);
+    map_.add(pose_.depth_s(), pose_.T_map_depth(), pose_.lateral_cells(), cells_, dynamic_,
+             touching_);
   }
 
   /// To be called after `ego` was given the host's pose of the last frame.
   void correct(const EgoMotion& ego) {
     if (!judged_ || ego.chain() != chain_) return;
-    const Eigen::Isometry3d ego_pose = ego.pose_at(depth_s_);
-    if (!registered_) {
-      T_map_depth_ = T_map_depth_ * ego_at_depth_.inverse() * ego_pose;
-      map_.set_newest_pose(T_map_depth_);
-    }
-    ego_at_depth_ = ego_pose;
+    if (pose_.correct(ego)) map_.set_newest_pose(pose_.T_map_depth());
   }
 
   /// Forgets everything (a cut in the sequence).
   void reset() {
     map_.clear();
-    T_map_depth_ = Eigen::Isometry3d::Identity();
+    pose_.reset();
     last_s_ = -std::numeric_limits<double>::infinity();
   }
 
  private:
-  // A frame fits the map if so many of its comparable cells do; people may hide half of it.
-  static constexpr double kLeastFit = 0.4;
-  // Standard deviations of a predicted pose: a part that is always there, and one that grows with
-  // the camera's rotation, rad and m for 1 rad/s (timing, blur).
-  static constexpr double kRotationSigma = 0.02, kRotationSigmaS = 0.02;
-  static constexpr double kTranslationSigmaM = 0.01, kTranslationSigmaMS = 0.01;
-  // What of the timing's error is left after registration: rows are read out one by one.
-  static constexpr double kLeftOfTiming = 0.5;
   // Corners are followed ill, in parts of their displacement, when the image is read out while the
   // camera rotates: so many times the rotation during the readout, rad.
   static constexpr double kReadoutError = 3;
@@ -172,41 +160,6 @@ class MotionCheck {
     }
   }
 
-  // Finds the depth image's pose in the map, and how far its cells may be off sideways.
-  void locate(double depth_s, const EgoMotion& ego) {
-    const Eigen::Isometry3d ego_now = ego.pose_at(depth_s);
-    registered_ = false;
-    if (!map_.empty()) {
-      T_map_depth_ = T_map_depth_ * ego_at_depth_.inverse() * ego_now;
-      const double rad_s = ego.angular_velocity().norm();
-      const auto found = registration_.align(depth_s, cells_, map_, T_map_depth_,
-                                             kRotationSigma + kRotationSigmaS * rad_s,
-                                             kTranslationSigmaM + kTranslationSigmaMS * rad_s);
-      registered_ = found && found->fit > kLeastFit;
-      if (registered_) T_map_depth_ = found->T_map_depth, fit_ = found->fit;
-    }
-    ego_at_depth_ = ego_now;
-    depth_s_ = depth_s;
-    const double timing_s = std::hypot(sensor_.delay_s, sensor_.readout_s / std::sqrt(12.0));
-    lateral_cells_ = cells_per_second(ego.angular_velocity()) *
-                     static_cast<float>(timing_s * (registered_ ? kLeftOfTiming : 1));
-  }
-
-  // How fast the image moves at most when the camera rotates.
-  Eigen::Vector2f cells_per_second(const Eigen::Vector3d& rotation_rad_s) const {
-    const Eigen::Vector3f w = rotation_rad_s.cast<float>();
-    Eigen::Vector2f most = Eigen::Vector2f::Zero();
-    for (const int y : {0, cells_.height / 2, cells_.height - 1})
-      for (const int x : {0, cells_.width / 2, cells_.width - 1}) {
-        const std::size_t i = cells_.index(x, y);
-        const Eigen::Vector3f ray(cells_.ray_x[i], cells_.ray_y[i], 1), d = w.cross(ray);
-        const Eigen::Vector2f moved(cells_.fx * (d.x() - ray.x() * d.z()),
-                                    cells_.fy * (d.y() - ray.y() * d.z()));
-        most = most.cwiseMax(moved.cwiseAbs());
-      }
-    return most;
-  }
-
   // Surfaces around corners that move by themselves have moved: a slow surface lies over where it
   // was a moment ago. Of those that have been there for longer nothing is known any more, once it
   // is seen twice: a reflection moves, and so does a flat board in its own plane.
@@ -214,7 +167,7 @@ class MotionCheck {
     outlier_cells_.clear();
     std::swap(outliers_, last_outliers_);
     outliers_.clear();
-    const bool movers = registered_ && fit_ < kFitAmongMovers;
+    const bool movers = pose_.fit() && *pose_.fit() < kFitAmongMovers;
     if (!ego.measured() ||
         !(ego.measured()->support > (movers ? kSupportAmongMovers : kSureSupport)))
       return;
@@ -222,7 +175,7 @@ class MotionCheck {
     const Eigen::Isometry3d& seen = ego.measured()->T_current_last;
     const double rad_s = ego.angular_velocity().norm();
     const double smeared_share = kReadoutError * sensor_.readout_s * rad_s;
-    const bool once_is_enough = rad_s < kStillRadS || depth_s_ - start_s_ < kStartS;
+    const bool once_is_enough = rad_s < kStillRadS || pose_.depth_s() - start_s_ < kStartS;
     for (const CameraMotion::OutlierCorner& corner : ego.images().outlier_clusters(
              seen, ego.trusted_prediction().value_or(seen), smeared_share)) {
       const int cx = static_cast<int>(corner.u * per_cell);
@@ -261,17 +214,12 @@ class MotionCheck {
   SensorModel sensor_;
   cv::Size size_;
   DepthCells cells_;
-  DepthRegistration registration_;
+  DepthPose pose_;
   FreeSpaceMap map_;
   MoverDetector detector_;
   double last_s_ = -std::numeric_limits<double>::infinity();
-  int chain_ = -1;  // of the ego-motion, at the last frame in the map
-  double depth_s_ = 0;
-  Eigen::Isometry3d T_map_depth_ = Eigen::Isometry3d::Identity();
-  Eigen::Isometry3d ego_at_depth_ = Eigen::Isometry3d::Identity();
-  Eigen::Vector2f lateral_cells_ = Eigen::Vector2f::Zero();
-  bool judged_ = false, registered_ = false;      // the last frame
-  double fit_ = 0;                                // where it is registered
+  int chain_ = -1;                                // of the ego-motion, at the last frame in the map
+  bool judged_ = false;                           // the last frame
   std::vector<std::uint8_t> dynamic_, touching_;  // of the last frame, by cell
   std::vector<Visit> queue_;
   std::vector<std::size_t> outlier_cells_;  // of the outlier corners of the last frame

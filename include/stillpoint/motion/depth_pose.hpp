@@ -1,0 +1,130 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <optional>
+
+#include "stillpoint/core/rigid_motion.hpp"
+#include "stillpoint/motion/depth_cells.hpp"
+#include "stillpoint/motion/depth_registration.hpp"
+#include "stillpoint/motion/ego_motion.hpp"
+#include "stillpoint/motion/free_space_map.hpp"
+#include "stillpoint/sensor/sensor_model.hpp"
+
+namespace stillpoint {
+
+/// Where the depth camera is in the map of free space: predicted by the ego-motion, and registered
+/// by the depth itself (DepthRegistration), which knows nothing of stamps.
+///
+/// Depth does not tell the displacement along a wall, so a large mover before a wall drags the
+/// registered pose along, a little in each frame. The ego-motion, which sees the wall's texture,
+/// holds it: where not all cells fit, predictions follow the registered poses within 0.2 s instead
+/// of beginning at the last one.
+class DepthPose {
+ public:
+  explicit DepthPose(const SensorModel& sensor = {}) : sensor_(sensor), registration_(sensor) {}
+
+  /// The map is empty: poses begin anew, with the identity.
+  void reset() {
+    T_map_depth_ = predicted_ = Eigen::Isometry3d::Identity();
+    registered_ = false;
+  }
+
+  /// Finds the pose of the cells of a frame whose depth was taken at `depth_s`. O(cells).
+  void locate(double depth_s, const DepthCells& cells, const EgoMotion& ego,
+              const FreeSpaceMap& map) {
+    const Eigen::Isometry3d ego_now = ego.pose_at(depth_s);
+    const double rad_s = ego.angular_velocity().norm();
+    if (!map.empty()) {
+      predicted_ = followed(depth_s - depth_s_) * ego_at_depth_.inverse() * ego_now;
+      const auto found = registration_.align(depth_s, cells, map, predicted_,
+                                             kRotationSigma + kRotationSigmaS * rad_s,
+                                             kTranslationSigmaM + kTranslationSigmaMS * rad_s);
+      registered_ = found && found->fit > kLeastFit;
+      T_map_depth_ = registered_ ? found->T_map_depth : predicted_;
+      if (registered_) fit_ = found->fit;
+    }
+    ego_at_depth_ = ego_now;
+    depth_s_ = depth_s;
+    const double timing_s = std::hypot(sensor_.delay_s, sensor_.readout_s / std::sqrt(12.0));
+    lateral_cells_ = cells_per_second(cells, ego.angular_velocity()) *
+                     static_cast<float>(timing_s * (registered_ ? kLeftOfTiming : 1));
+  }
+
+  /// To be called after `ego` was given the host's pose of the last frame. Whether the pose is
+  /// another one now.
+  bool correct(const EgoMotion& ego) {
+    const Eigen::Isometry3d ego_now = ego.pose_at(depth_s_);
+    predicted_ = predicted_ * ego_at_depth_.inverse() * ego_now;
+    ego_at_depth_ = ego_now;
+    if (registered_) return false;
+    T_map_depth_ = predicted_;
+    return true;
+  }
+
+  /// Of the last frame.
+  const Eigen::Isometry3d& T_map_depth() const { return T_map_depth_; }
+  double depth_s() const { return depth_s_; }
+  /// Share of its comparable cells whose depth agrees; empty: the pose is the predicted one.
+  std::optional<double> fit() const { return registered_ ? std::optional(fit_) : std::nullopt; }
+  /// How far, in cells, its surfaces may lie beside where they are drawn.
+  const Eigen::Vector2f& lateral_cells() const { return lateral_cells_; }
+
+ private:
+  // A frame fits the map if so many of its comparable cells do; people may hide half of it.
+  static constexpr double kLeastFit = 0.4;
+  // Standard deviations of a predicted pose: a part that is always there, and one that grows with
+  // the camera's rotation, rad and m for 1 rad/s (timing, blur).
+  static constexpr double kRotationSigma = 0.02, kRotationSigmaS = 0.02;
+  static constexpr double kTranslationSigmaM = 0.01, kTranslationSigmaMS = 0.01;
+  // What of the timing's error is left after registration: rows are read out one by one.
+  static constexpr double kLeftOfTiming = 0.5;
+  // How soon predictions follow registered poses, but where so many cells fit that nothing large
+  // can drag these along.
+  static constexpr double kFollowS = 0.2, kNothingMoves = 0.96;
+
+  // Where the last frame was, for the prediction of one that comes `step_s` later.
+  Eigen::Isometry3d followed(double step_s) const {
+    if (!registered_) return predicted_;
+    const double share = fit_ > kNothingMoves ? 1 : 1 - std::exp(-step_s / kFollowS);
+    const Eigen::Isometry3d off = predicted_.inverse() * T_map_depth_;
+    Eigen::Isometry3d towards = Eigen::Isometry3d::Identity();
+    towards.linear() = detail::rotation_matrix(share * detail::rotation_vector(off.linear()));
+    towards.translation() = share * off.translation();
+    Eigen::Isometry3d followed = predicted_ * towards;
+    detail::normalize_rotation(followed);
+    return followed;
+  }
+
+  // How fast the image moves at most when the camera rotates.
+  static Eigen::Vector2f cells_per_second(const DepthCells& cells,
+                                          const Eigen::Vector3d& rotation_rad_s) {
+    const Eigen::Vector3f w = rotation_rad_s.cast<float>();
+    Eigen::Vector2f most = Eigen::Vector2f::Zero();
+    for (const int y : {0, cells.height / 2, cells.height - 1})
+      for (const int x : {0, cells.width / 2, cells.width - 1}) {
+        const std::size_t i = cells.index(x, y);
+        const Eigen::Vector3f ray(cells.ray_x[i], cells.ray_y[i], 1), d = w.cross(ray);
+        const Eigen::Vector2f moved(cells.fx * (d.x() - ray.x() * d.z()),
+                                    cells.fy * (d.y() - ray.y() * d.z()));
+        most = most.cwiseMax(moved.cwiseAbs());
+      }
+    return most;
+  }
+
+  SensorModel sensor_;
+  DepthRegistration registration_;
+  Eigen::Isometry3d T_map_depth_ = Eigen::Isometry3d::Identity();
+  Eigen::Isometry3d predicted_ = Eigen::Isometry3d::Identity();
+  Eigen::Isometry3d ego_at_depth_ = Eigen::Isometry3d::Identity();
+  double depth_s_ = 0;
+  bool registered_ = false;
+  double fit_ = 0;  // where it is registered
+  Eigen::Vector2f lateral_cells_ = Eigen::Vector2f::Zero();
+};
+
+}  // namespace stillpoint
