@@ -16,6 +16,7 @@
 //   real_time         only with --real-time-rate: dropped_frames (not in frames), their share
 //   blur              means over the frames: sharpness (of the edges, about 1: perfect steps),
 //                     motion_px (of the image, predicted, during the exposure)
+//   depth_delay_s     how long after its stamp the depth was taken at last, if frames tell it
 //   masks             against masks_gt, undilated; before = the segmenter's own, after = final;
 //                     means over the frames; _blurred: over the least sharp third
 //   keypoints         extracted, kept: per frame; with masks_gt kept_on_people (share of the kept),

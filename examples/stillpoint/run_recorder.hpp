@@ -3,6 +3,7 @@
 
 #include <cstdio>
 #include <filesystem>
+#include <limits>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <opencv2/core.hpp>
@@ -112,6 +113,7 @@ class RunRecorder {
   cv::Mat truth_;
   std::vector<Record> records_;
   std::string segmenter_error_;
+  double depth_delay_s_ = std::numeric_limits<double>::quiet_NaN();  // the last that is known
   std::size_t segmenter_errors_ = 0;
   bool any_truth_ = false;
 };

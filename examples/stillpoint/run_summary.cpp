@@ -120,6 +120,11 @@ std::string summary_text(const Json& stats) {
                          " % ghosts of people");
   add_keypoints(lines, stats["keypoints"]);
   add_times(lines, stats["times_ms"]);
+  if (stats.contains("depth_delay_s")) {
+    const double delay_ms = 1000 * number_at(stats, "depth_delay_s");
+    lines.add("depth", "taken " + fixed(std::abs(delay_ms), 0) + " ms " +
+                           (delay_ms < 0 ? "before" : "after") + " its stamp, as color sees it");
+  }
   std::string status;
   for (const auto& [name, n] : stats["status"].items())
     status += (status.empty() ? "" : ", ") + name + " " + n.dump();

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Geometry>
+#include <limits>
 #include <memory>
 #include <opencv2/core.hpp>
 #include <optional>
@@ -170,6 +171,8 @@ class FrontEndPipeline {
     stats_.mask_age_s = mask_.age_s;
     stats_.mask_share = fuser_.mask_share();
     if (stats_.mask_share > settings_.large_mask_share) stats_.status |= kMaskTooLarge;
+    const DepthDelay& delay = motion_.delay();
+    stats_.depth_delay_s = delay.known() ? delay.mean_s : std::numeric_limits<double>::quiet_NaN();
     stats_.keypoints = stats_.kept = 0;
     stats_.probability_ms = 0;
   }

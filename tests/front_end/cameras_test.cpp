@@ -34,7 +34,7 @@ Eigen::Isometry3d turned(double deg, double x = 0) {
 }
 
 // Looks to and fro, up to 1.5 degrees from frame to frame.
-double yaw_deg(int i) { return 15 * std::sin(0.1 * i); }
+double yaw_deg(double i) { return 15 * std::sin(0.1 * i); }
 
 const Segmentation kNothing;
 
@@ -85,6 +85,25 @@ TEST(Cameras, AFrameWithoutDepthInATurnDoesNoHarm) {
       }
       front_end.correct_pose(pose);
     }
+  }
+}
+
+TEST(Cameras, TellsHowLateTheDepthIsTaken) {
+  const Camera camera = camera_of(320);
+  const RoomCamera room(camera);
+  for (const double late_s : {-0.02, 0.0, 0.03}) {
+    SCOPED_TRACE(late_s);
+    FrontEnd front_end(FrontEndSettings(), camera);
+    EXPECT_TRUE(std::isnan(front_end.stats().depth_delay_s));
+    double share = 0;
+    for (int i = 0; i < 120; ++i) {
+      RgbdFrame frame = room.frame(i / 30.0, turned(yaw_deg(i)));
+      frame.depth = room.frame(0, turned(yaw_deg(i + 30 * late_s))).depth;
+      front_end.compute_mask(frame, kNothing);
+      share += front_end.stats().mask_share / 120;
+    }
+    EXPECT_NEAR(front_end.stats().depth_delay_s, late_s, 0.003);
+    EXPECT_EQ(share, 0);
   }
 }
 

@@ -37,6 +37,23 @@ TEST_F(RealSequences, NobodyMovesBeforeAFastKinect) {
   EXPECT_LE(sum / static_cast<double>(sequence.size()), 0.005);
 }
 
+TEST_F(RealSequences, TheDelayOfTheDepthIsFound) {
+  // Nobody knows the true one, but by how much a wrong stamp changes it.
+  const TumSequence sequence(root_ / "fr1_rpy_fast");
+  double found_s[2] = {0, 0};
+  for (const int early : {0, 1}) {
+    FrontEnd front_end(FrontEndSettings(), sequence.camera().value());
+    for (std::size_t i = 0; i < sequence.size(); ++i) {
+      RgbdFrame frame = sequence.load(i);
+      frame.depth_timestamp = frame.depth_time() - 0.02 * early;
+      front_end.compute_mask(frame, Segmentation());
+    }
+    found_s[early] = front_end.stats().depth_delay_s;
+  }
+  EXPECT_NEAR(found_s[0], -0.012, 0.01);
+  EXPECT_NEAR(found_s[1] - found_s[0], 0.02, 0.006);
+}
+
 TEST_F(RealSequences, AFalsePersonAllOverADeskIsNotBelieved) {
   // Detectors see one in blurred images; this one insists on it, six results in a row.
   const TumSequence sequence(root_ / "fr1_rpy_fast");

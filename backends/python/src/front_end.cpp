@@ -129,6 +129,10 @@ void bind_stats(py::module_& m) {
       .def_readonly("mask_share", &FrameStats::mask_share, "Share of the image, 0 to 1.")
       .def_readonly("mask_age_s", &FrameStats::mask_age_s,
                     "Age of the newest segmentation in the mask, seconds; inf: there was none.")
+      .def_readonly(
+          "depth_delay_s", &FrameStats::depth_delay_s,
+          "How long after its stamp the depth is taken, seconds; nan: not known (yet).\n\n"
+          "Frames in which the camera rotates tell it.")
       .def_readonly("keypoints", &FrameStats::keypoints)
       .def_readonly("kept", &FrameStats::kept)
       .def("__repr__", [](const FrameStats& s) {

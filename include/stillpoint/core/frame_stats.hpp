@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <string>
 
 #include "stillpoint/core/blur.hpp"
@@ -28,6 +29,9 @@ struct FrameStats {
   double mask_share = 0;
   /// Age of the newest segmentation in the mask, seconds.
   double mask_age_s = 0;
+  /// How long after its stamp the depth is taken, seconds, as frames in which the camera rotates
+  /// tell the motion check; NaN: not known (yet).
+  double depth_delay_s = std::numeric_limits<double>::quiet_NaN();
   int keypoints = 0, kept = 0;
 };
 

@@ -9,6 +9,7 @@
 #include <optional>
 
 #include "stillpoint/core/rigid_motion.hpp"
+#include "stillpoint/motion/delay_estimate.hpp"
 #include "stillpoint/motion/depth_cells.hpp"
 #include "stillpoint/motion/depth_registration.hpp"
 #include "stillpoint/motion/ego_motion.hpp"
@@ -18,7 +19,9 @@
 namespace stillpoint {
 
 /// Where the depth camera is in the map of free space: predicted by the ego-motion, and registered
-/// by the depth itself (DepthRegistration), which knows nothing of stamps.
+/// by the depth itself (DepthRegistration), which knows nothing of stamps. How the two differ while
+/// the camera rotates tells how long after its stamp the depth is taken (DelayEstimate), and that
+/// is taken into account from then on.
 ///
 /// Depth does not tell the displacement along a wall, so a large mover before a wall drags the
 /// registered pose along, a little in each frame. The ego-motion, which sees the wall's texture,
@@ -37,28 +40,39 @@ class DepthPose {
   /// Finds the pose of the cells of a frame whose depth was taken at `depth_s`. O(cells).
   void locate(double depth_s, const DepthCells& cells, const EgoMotion& ego,
               const FreeSpaceMap& map) {
-    const Eigen::Isometry3d ego_now = ego.pose_at(depth_s);
-    const double rad_s = ego.angular_velocity().norm();
+    const Eigen::Vector3d rotation_rad_s = ego.angular_velocity();
+    const double rad_s = rotation_rad_s.norm();
+    taken_s_ = depth_s + (delay().known() ? delay().mean_s : 0);
+    const Eigen::Isometry3d ego_now = ego.pose_at(taken_s_);
     if (!map.empty()) {
-      predicted_ = followed(depth_s - depth_s_) * ego_at_depth_.inverse() * ego_now;
+      const Eigen::Isometry3d step = ego_at_depth_.inverse() * ego_now;
+      const Eigen::Isometry3d from_last = T_map_depth_ * step;
+      const bool compare = registered_;
+      predicted_ = followed(depth_s - depth_s_) * step;
       const auto found = registration_.align(depth_s, cells, map, predicted_,
                                              kRotationSigma + kRotationSigmaS * rad_s,
                                              kTranslationSigmaM + kTranslationSigmaMS * rad_s);
       registered_ = found && found->fit > kLeastFit;
       T_map_depth_ = registered_ ? found->T_map_depth : predicted_;
       if (registered_) fit_ = found->fit;
+      // Large movers err alike in many frames.
+      if (compare && registered_ && fit_ > kNothingMoves)
+        estimate_.add(rotation_rad_s, step.linear().transpose() * last_rad_s_,
+                      detail::rotation_vector((from_last.inverse() * T_map_depth_).linear()));
     }
+    last_rad_s_ = rotation_rad_s;
     ego_at_depth_ = ego_now;
     depth_s_ = depth_s;
-    const double timing_s = std::hypot(sensor_.delay_s, sensor_.readout_s / std::sqrt(12.0));
-    lateral_cells_ = cells_per_second(cells, ego.angular_velocity()) *
+    const double spread_s = delay().known() ? delay().spread_s : sensor_.delay_s;
+    const double timing_s = std::hypot(spread_s, sensor_.readout_s / std::sqrt(12.0));
+    lateral_cells_ = cells_per_second(cells, rotation_rad_s) *
                      static_cast<float>(timing_s * (registered_ ? kLeftOfTiming : 1));
   }
 
   /// To be called after `ego` was given the host's pose of the last frame. Whether the pose is
   /// another one now.
   bool correct(const EgoMotion& ego) {
-    const Eigen::Isometry3d ego_now = ego.pose_at(depth_s_);
+    const Eigen::Isometry3d ego_now = ego.pose_at(taken_s_);
     predicted_ = predicted_ * ego_at_depth_.inverse() * ego_now;
     ego_at_depth_ = ego_now;
     if (registered_) return false;
@@ -71,6 +85,8 @@ class DepthPose {
   double depth_s() const { return depth_s_; }
   /// Share of its comparable cells whose depth agrees; empty: the pose is the predicted one.
   std::optional<double> fit() const { return registered_ ? std::optional(fit_) : std::nullopt; }
+  /// How long after its stamp the depth is taken, as far as the frames since the start tell.
+  const DepthDelay& delay() const { return estimate_.delay(); }
   /// How far, in cells, its surfaces may lie beside where they are drawn.
   const Eigen::Vector2f& lateral_cells() const { return lateral_cells_; }
 
@@ -121,10 +137,12 @@ class DepthPose {
   Eigen::Isometry3d T_map_depth_ = Eigen::Isometry3d::Identity();
   Eigen::Isometry3d predicted_ = Eigen::Isometry3d::Identity();
   Eigen::Isometry3d ego_at_depth_ = Eigen::Isometry3d::Identity();
-  double depth_s_ = 0;
+  double depth_s_ = 0, taken_s_ = 0;  // its stamp; with the delay
   bool registered_ = false;
   double fit_ = 0;  // where it is registered
   Eigen::Vector2f lateral_cells_ = Eigen::Vector2f::Zero();
+  DelayEstimate estimate_;
+  Eigen::Vector3d last_rad_s_ = Eigen::Vector3d::Zero();  // how the camera rotated
 };
 
 }  // namespace stillpoint

@@ -80,6 +80,9 @@ class MotionCheck {
     return detector_.find(cells_, context.labels, outlier_cells_);
   }
 
+  /// How long after its stamp the depth is taken, as far as the frames tell.
+  const DepthDelay& delay() const { return pose_.delay(); }
+
   /// What the last find() returned.
   const std::vector<Instance>& found() const { return detector_.found(); }
 

@@ -53,11 +53,12 @@ class MoverDetector {
 
  private:
   static constexpr int kManyCells = 50;
-  // Of a mover that the image cuts off, large and close, the border says little: its surface goes
-  // on into cells of its own. Nearly all that was found of it has moved then, and so many cells
-  // have corners that show it. Where depth errs, as on a black screen, corners don't.
+  // Of a mover that is large and close the border says little: the image cuts it off, or its
+  // inside, where its depth is the same as a moment ago, was not found. Much of what was found of
+  // it has moved then, and so many cells have corners that show it. Where depth errs, as on a black
+  // screen, corners don't.
   static constexpr int kManyCorners = 8;
-  static constexpr double kNearlyAll = 0.9;
+  static constexpr double kMuchMoved = 0.3;
 
   struct Visit {
     int x, y, distance;
@@ -113,7 +114,7 @@ class MoverDetector {
            (region.moved_m2 >= settings_.min_moved_area_m2 || region.moved >= kManyCells) &&
            region.moved >= settings_.min_moved_share * region.judged &&
            (region.open <= settings_.max_open_share * (region.open + region.closed) ||
-            (region.corners >= kManyCorners && region.moved >= kNearlyAll * region.judged));
+            (region.corners >= kManyCorners && region.moved >= kMuchMoved * region.judged));
   }
 
   void add_instance(int block_px, const cv::Rect& box) {

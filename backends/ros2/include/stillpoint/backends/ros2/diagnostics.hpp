@@ -45,6 +45,7 @@ class Diagnostics {
     latency_ms_ += 1e3 * latency_s;
     most_latency_ms_ = std::max(most_latency_ms_, 1e3 * latency_s);
     mask_age_s_ = stats.mask_age_s;
+    depth_delay_s_ = stats.depth_delay_s;
     for (const std::string& name : status_names(stats.status)) ++status_[name];
   }
 
@@ -115,6 +116,7 @@ class Diagnostics {
     add("compensation (ms)", text(compensation_ms_ / n));
     add("depth fusion (ms)", text(depth_ms_ / n));
     add("age of the segmentation (s)", text(mask_age_s_));
+    add("delay of the depth (ms)", text(1000 * depth_delay_s_));
     total("color images", counts.color);
     total("frames", counts.frames);
     total("frames without depth", counts.without_depth);
@@ -131,6 +133,7 @@ class Diagnostics {
   double total_ms_ = 0, motion_ms_ = 0, compensation_ms_ = 0, depth_ms_ = 0;
   double latency_ms_ = 0, most_latency_ms_ = 0;
   double mask_age_s_ = std::numeric_limits<double>::infinity();
+  double depth_delay_s_ = std::numeric_limits<double>::quiet_NaN();
   std::map<std::string, std::uint64_t> status_;
   SynchronizerCounts counts_;
 };

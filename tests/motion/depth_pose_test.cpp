@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include "stillpoint/motion/depth_pose.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstdint>
+#include <vector>
+
+#include "small_camera.hpp"
+
+namespace stillpoint {
+namespace {
+
+// A wall at 3 m with a half column and before it, taking a third of the image, something larger and
+// round whose middle is at x.
+RgbdFrame scene(double timestamp, double x_m) {
+  const Camera camera = small_camera();
+  RgbdFrame frame;
+  frame.timestamp = timestamp;
+  frame.color = cv::Mat::zeros(camera.height, camera.width, CV_8UC1);
+  frame.depth.create(camera.height, camera.width, CV_32FC1);
+  for (int v = 0; v < camera.height; ++v)
+    for (int u = 0; u < camera.width; ++u) {
+      const double off = 2 * (u - camera.cx) / camera.fx - x_m;
+      const double column = 3 * (u - camera.cx) / camera.fx + 1.2;
+      double z = std::abs(column) < 0.2 ? 3 - 0.2 * std::cos(CV_PI * column / 0.4) : 3;
+      if (std::abs(off) < 0.5) z = 2.2 - 0.4 * std::cos(CV_PI * off);
+      frame.depth.at<float>(v, u) = static_cast<float>(z);
+    }
+  return frame;
+}
+
+// How far the pose is from where the camera stands, metres, after it was dragged for a second.
+double dragged_m(double mover_m_s) {
+  DepthPose pose;
+  FreeSpaceMap map;
+  DepthCells cells;
+  FrameContext context;
+  const EgoMotion resting;
+  for (int i = 0; i < 30; ++i) {
+    context.begin(scene(i / 30.0, mover_m_s * i / 30.0), small_camera());
+    cells.set(context.depth, 4);
+    pose.locate(i / 30.0, cells, resting, map);
+    map.add(i / 30.0, pose.T_map_depth(), pose.lateral_cells(), cells,
+            std::vector<std::uint8_t>(cells.size(), 0));
+  }
+  EXPECT_TRUE(pose.fit().has_value());
+  return pose.T_map_depth().translation().norm();
+}
+
+TEST(DepthPose, IsDraggedAlongAWallByHalf) {
+  EXPECT_LT(dragged_m(0), 0.001);
+  EXPECT_LT(dragged_m(0.5), 0.28) << "0.43 where predictions begin at the last registered pose";
+}
+
+}  // namespace
+}  // namespace stillpoint
