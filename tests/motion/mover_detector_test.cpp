@@ -64,7 +64,8 @@ TEST(MoverDetector, BelievesCornersWhereTheImageCutsAMoverOff) {
   EXPECT_EQ(found_of_board(20, 0), 0u) << "depth alone may be wrong on a piece of a wall";
   EXPECT_EQ(found_of_board(20, 7), 0u);
   EXPECT_EQ(found_of_board(20, 8), 1u);
-  EXPECT_EQ(found_of_board(15, 8), 0u) << "a quarter of it has not moved";
+  EXPECT_EQ(found_of_board(5, 8), 1u);
+  EXPECT_EQ(found_of_board(4, 8), 0u) << "less than a third of it has moved";
 }
 
 }  // namespace

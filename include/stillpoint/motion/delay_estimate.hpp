@@ -16,7 +16,7 @@ struct DepthDelay {
   double spread_s = 0;
 
   /// Whether the frames have told it: the camera must have rotated, now faster and now slower.
-  bool known() const { return error_s < 0.003; }
+  bool known() const { return error_s < std::max(0.003, 0.2 * std::abs(mean_s)); }
 };
 
 /// Estimates the delay between color and depth from frames in which the camera rotates.
