@@ -25,9 +25,9 @@ class RegionPixels {
     const cv::Mat depth = region.samples().depth().image()(area);
     const int cell_px = region.samples().cell_px();
     const cv::Rect box = instance.box - area.tl();
-    // With a pixel around, so that each has neighbors.
-    known_.create(area.height + 2, area.width + 2);
-    for (const int y : {0, area.height + 1}) known_.row(y).setTo(0);
+    // With a pixel around, so that each has neighbors; of the image's size, to be allocated once.
+    known_.create(region.samples().depth().size() + cv::Size(2, 2));
+    for (const int y : {0, area.height + 1}) std::fill_n(known_[y], area.width + 2, uchar{0});
     for (int y = 0; y < area.height; ++y) {
       const std::uint16_t* z = depth.ptr<std::uint16_t>(y);
       uchar* known = known_.ptr(y + 1);
