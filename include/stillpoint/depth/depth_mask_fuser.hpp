@@ -104,14 +104,14 @@ class DepthMaskFuser {
     for (const bool movers : {false, true})
       for (Instance& s : fused_) {
         if (s.class_name.empty() != movers) continue;
-        if (use_depth && !(movers && take_of_named(s))) find_mask(context.labels, s);
+        if (use_depth && !(movers && take_what_was_found(s))) find_mask(context.labels, s);
         detail::add_to_mask(s, undilated_);
       }
   }
 
   // Most movers are people whom the segmenter has seen, too. Of one that is nearly covered by what
   // was found of the objects before it, that is its mask; nothing else needs to be found.
-  bool take_of_named(Instance& mover) {
+  bool take_what_was_found(Instance& mover) {
     if (mover.mask.empty()) return false;
     cv::Mat both = masks_.take(mover.box.size());
     cv::bitwise_and(mover.mask, undilated_(mover.box), both);

@@ -28,7 +28,7 @@ namespace stillpoint {
 /// frames looked through has moved there.
 ///
 /// Each cell of a new frame is carried into depth images of the last 1.7 s (FreeSpaceMap), whose
-/// poses are found by their own depth (DepthRegistration): if free space was seen there, by more
+/// poses are found by their own depth (DepthPose): if free space was seen there, by more
 /// than the sensor can be wrong (SensorModel), the cell has moved; if the same surface was there,
 /// it is static; else nothing is said ("unknown" is never "dynamic"). Corners of the image that
 /// move together otherwise than the camera have moved, too, before there is a past to compare with.
