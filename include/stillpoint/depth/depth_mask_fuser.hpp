@@ -18,6 +18,7 @@
 #include "stillpoint/depth/depth_mask_fuser_settings.hpp"
 #include "stillpoint/depth/depth_samples.hpp"
 #include "stillpoint/depth/floor_plane.hpp"
+#include "stillpoint/depth/mask_dilation.hpp"
 #include "stillpoint/depth/object_depth_range.hpp"
 #include "stillpoint/depth/object_region.hpp"
 #include "stillpoint/depth/region_pixels.hpp"
@@ -94,8 +95,6 @@ class DepthMaskFuser {
                       bool use_depth) {
     const DepthView& depth = context.depth;
     status_ = depth.any_measured(segmentation.instances) ? kOk : kNoDepth;
-    one_.create(context.size(), CV_8UC1);
-    dilated_.create(context.size(), CV_8UC1);
     use_depth = use_depth && !depth.empty();
     if (use_depth) begin_depth(depth, segmentation.instances, context.T_current_last);
     undilated_.create(context.size(), CV_8UC1);
@@ -151,7 +150,8 @@ class DepthMaskFuser {
     if (!in_box) return;
     // The paper's: every pixel of the box whose depth is in the range.
     const DepthView& depth = samples_.depth();
-    cv::Mat in_range = one_(instance.box);
+    in_range_.create(depth.size(), CV_8UC1);  // of the image's size, to be allocated once
+    cv::Mat in_range = in_range_(instance.box);
     cv::inRange(depth.image()(instance.box), std::max(1, depth.first_units(range.lo_m)),
                 depth.last_units(range.hi_m), in_range);
     cv::bitwise_or(instance.mask, in_range, instance.mask);
@@ -182,32 +182,22 @@ class DepthMaskFuser {
 
   // All instances at once, and those once more that are dilated more than the others.
   void dilate(const cv::Size& size, int widening_px) {
-    if (detail::MaskPool::held_elsewhere(mask_.image)) mask_.image.release();
-    mask_.image.create(size, CV_8UC1);
-    mask_.image.setTo(0);
     const int least_px = scaled_px(settings_.dilation_px + widening_px, size);
     cv::Rect region;
     for (const Instance& s : fused_) region |= s.box;
-    add_dilated(undilated_, grow_rect(region, least_px, size), least_px);
+    dilation_.begin(size);
+    dilation_.add(undilated_(region), region, least_px);
     for (const Instance& s : fused_) {
       Blur blur = s.blur;
       blur.motion_px /= pixel_scale(size);  // the settings' pixels are those of an image 640 wide
       const int px = scaled_px(settings_.dilation_of(blur) + widening_px, size);
       if (px <= least_px) continue;
-      const cv::Rect grown = grow_rect(s.box, px, size);
-      one_(grown).setTo(0);
-      detail::add_to_mask(s, one_);
-      add_dilated(one_, grown, px);
+      dilation_.add(s.mask.empty() ? cv::Mat(s.box.size(), CV_8UC1, cv::Scalar(255)) : s.mask,
+                    s.box, px);
     }
-    mask_share_ = mask_.coverage();
-  }
-
-  void add_dilated(const cv::Mat& from, const cv::Rect& part, int px) {
-    if (part.empty()) return;
-    cv::Mat dilated = dilated_(part), all = mask_.image(part);
-    cv::dilate(from(part), dilated, cv::Mat(), {-1, -1}, px,
-               cv::BORDER_CONSTANT | cv::BORDER_ISOLATED);
-    cv::bitwise_or(all, dilated, all);
+    if (detail::MaskPool::held_elsewhere(mask_.image)) mask_.image.release();
+    mask_.image.create(size, CV_8UC1);
+    mask_share_ = dilation_.write(mask_.image) / static_cast<double>(size.area());
   }
 
   static constexpr double kNearlyAll = 0.9;
@@ -227,7 +217,8 @@ class DepthMaskFuser {
   std::vector<Instance> fused_;
   detail::MaskPool masks_;  // of fused_
   cv::Mat undilated_;
-  cv::Mat one_, dilated_;  // an instance; what becomes of a mask
+  cv::Mat in_range_;
+  MaskDilation dilation_;
   double mask_share_ = 0;
   std::uint32_t status_ = kOk;
 };

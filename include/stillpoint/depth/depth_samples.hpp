@@ -28,34 +28,27 @@ class DepthSamples {
  public:
   DepthSamples(int cell_px, std::uint64_t seed) : cell_px_(cell_px) {
     RandomGenerator random(seed);
-    for (auto& place : places_)
-      for (std::uint16_t* offset : {&place.x, &place.y})
-        *offset = static_cast<std::uint16_t>(random.below(static_cast<std::size_t>(cell_px)));
+    for (Place& offset : offsets_)
+      for (std::uint16_t* part : {&offset.x, &offset.y})
+        *part = static_cast<std::uint16_t>(random.below(static_cast<std::size_t>(cell_px)));
   }
 
   /// Takes the samples of a frame's depth, to which it refers: it must outlive this. O(cells).
   void begin(const DepthView& depth) {
     depth_ = &depth;
-    const cv::Rect cells = cells_of({{}, depth.size()});
-    units_.create(cells.size());
-    for (cv::Point cell; cell.y < cells.height; ++cell.y) {
-      std::uint16_t* units = units_[cell.y];
-      for (cell.x = 0; cell.x < cells.width; ++cell.x) {
-        const cv::Point p = place(cell);
-        units[cell.x] = depth.row(p.y)[p.x];
-      }
+    set_places(depth.size());
+    units_.create(places_.size());
+    for (int y = 0; y < units_.rows; ++y) {
+      const Place* places = places_[y];
+      std::uint16_t* units = units_[y];
+      for (int x = 0; x < units_.cols; ++x) units[x] = depth.row(places[x].y)[places[x].x];
     }
   }
 
   const DepthView& depth() const { return *depth_; }
   int cell_px() const { return cell_px_; }
   /// The sample's pixel of a cell, inside the image.
-  cv::Point place(const cv::Point& cell) const {
-    const cv::Size size = depth_->size();
-    const auto& p = places_[static_cast<unsigned>(cell.y * 61 + cell.x) % kTable];
-    return {std::min(cell.x * cell_px_ + p.x, size.width - 1),
-            std::min(cell.y * cell_px_ + p.y, size.height - 1)};
-  }
+  cv::Point place(const cv::Point& cell) const { return places_(cell); }
   /// Depth of the cells' samples in the frame's units, and of one in metres; 0 = no measurement.
   const cv::Mat_<std::uint16_t>& units() const { return units_; }
   float z(const cv::Point& cell) const { return depth_->to_m(units_(cell)); }
@@ -76,10 +69,25 @@ class DepthSamples {
   }
 
  private:
+  using Place = cv::Point_<std::uint16_t>;
   static constexpr unsigned kTable = 4096;
 
+  void set_places(const cv::Size& size) {
+    if (size == size_) return;
+    size_ = size;
+    places_.create(cells_of({{}, size}).size());
+    for (int y = 0; y < places_.rows; ++y)
+      for (int x = 0; x < places_.cols; ++x) {
+        const Place& offset = offsets_[static_cast<unsigned>(y * 61 + x) % kTable];
+        places_(y, x) = cv::Point(std::min(x * cell_px_ + offset.x, size.width - 1),
+                                  std::min(y * cell_px_ + offset.y, size.height - 1));
+      }
+  }
+
   int cell_px_;
-  std::array<cv::Point_<std::uint16_t>, kTable> places_;
+  std::array<Place, kTable> offsets_;  // in a cell
+  cv::Size size_;
+  cv::Mat_<Place> places_;  // in an image of that size
   const DepthView* depth_ = nullptr;
   cv::Mat_<std::uint16_t> units_;
 };

@@ -2,9 +2,10 @@
 #pragma once
 
 #include <algorithm>
+#include <cstddef>
 #include <cstdint>
 #include <opencv2/core.hpp>
-#include <opencv2/imgproc.hpp>
+#include <vector>
 
 #include "stillpoint/core/config.hpp"
 #include "stillpoint/core/depth_view.hpp"
@@ -51,20 +52,34 @@ class RegionPixels {
     const cv::Rect& used = region.used();
     const int cell_px = region.samples().cell_px();
     lo_.create(used.height, used.width * cell_px), hi_.create(lo_.size());
-    cv::compare(region.states()(used), static_cast<int>(kRegion), region_, cv::CMP_EQ);
-    cv::boxFilter(region_, share_, CV_8U, {3, 3}, {-1, -1}, true, cv::BORDER_CONSTANT);
     for (int y = 0; y < used.height; ++y) {
-      const uchar* share = share_[y];
+      count_around(region, used.y + y);
       std::uint16_t *lo = lo_[y], *hi = hi_[y];
       for (int x = 0; x < used.width; ++x) {
         Bounds bounds{1, 0};  // no pixel
-        if (share[x] == 255)
+        if (around_[x] == 9)
           bounds = {0, kMost};  // all, measured or not
-        else if (share[x] > 0)
+        else if (around_[x] > 0)
           bounds = bounds_around(region, used.tl() + cv::Point(x, y));
         for (int k = 0; k < cell_px; ++k) *lo++ = bounds.lo, *hi++ = bounds.hi;
       }
     }
+  }
+
+  // How many of the 3 x 3 cells around each used one of a row are of the region.
+  void count_around(const ObjectRegion& region, int y) {
+    const cv::Rect& used = region.used();
+    const std::size_t n = static_cast<std::size_t>(used.width);
+    columns_.assign(n + 2, 0), around_.resize(n);
+    for (int row = std::max(y - 1, used.y); row < std::min(y + 2, used.br().y); ++row)
+      count_region(region.states()[row] + used.x, n, columns_.data() + 1);
+    for (std::size_t x = 0; x < n; ++x)
+      around_[x] = static_cast<uchar>(columns_[x] + columns_[x + 1] + columns_[x + 2]);
+  }
+  static void count_region(const std::uint8_t* state, std::size_t n,
+                           uchar* STILLPOINT_RESTRICT counts) {
+    for (std::size_t x = 0; x < n; ++x)
+      counts[x] = static_cast<uchar>(counts[x] + (state[x] == kRegion));
   }
 
   struct Bounds {
@@ -112,9 +127,9 @@ class RegionPixels {
     }
   }
 
-  cv::Mat_<uchar> region_, share_;   // of the cells used: in the region; of those around, 255 = all
-  cv::Mat_<std::uint16_t> lo_, hi_;  // of a row of cells, for each column of pixels
-  cv::Mat_<uchar> known_;            // the object's pixels before those right beside it
+  std::vector<uchar> columns_, around_;  // of a row of cells: those of the region in the 3 x 3
+  cv::Mat_<std::uint16_t> lo_, hi_;      // of a row of cells, for each column of pixels
+  cv::Mat_<uchar> known_;                // the object's pixels before those right beside it
 };
 
 }  // namespace stillpoint
