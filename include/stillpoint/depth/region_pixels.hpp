@@ -52,55 +52,41 @@ class RegionPixels {
     const cv::Rect& used = region.used();
     const int cell_px = region.samples().cell_px();
     lo_.create(used.height, used.width * cell_px), hi_.create(lo_.size());
+    const std::size_t n = static_cast<std::size_t>(used.width);
     for (int y = 0; y < used.height; ++y) {
-      count_around(region, used.y + y);
+      look_around(region, used.y + y);
       std::uint16_t *lo = lo_[y], *hi = hi_[y];
-      for (int x = 0; x < used.width; ++x) {
+      for (std::size_t x = 0; x < n; ++x) {
         Bounds bounds{1, 0};  // no pixel
-        if (around_[x] == 9)
+        const int around = count_[x] + count_[x + 1] + count_[x + 2];
+        if (around == 9)
           bounds = {0, kMost};  // all, measured or not
-        else if (around_[x] > 0)
-          bounds = bounds_around(region, used.tl() + cv::Point(x, y));
+        else if (around > 0)
+          bounds = widened(region.samples().depth(),
+                           {std::min({least_[x], least_[x + 1], least_[x + 2]}),
+                            std::max({most_[x], most_[x + 1], most_[x + 2]})});
         for (int k = 0; k < cell_px; ++k) *lo++ = bounds.lo, *hi++ = bounds.hi;
       }
     }
-  }
-
-  // How many of the 3 x 3 cells around each used one of a row are of the region.
-  void count_around(const ObjectRegion& region, int y) {
-    const cv::Rect& used = region.used();
-    const std::size_t n = static_cast<std::size_t>(used.width);
-    columns_.assign(n + 2, 0), around_.resize(n);
-    for (int row = std::max(y - 1, used.y); row < std::min(y + 2, used.br().y); ++row)
-      count_region(region.states()[row] + used.x, n, columns_.data() + 1);
-    for (std::size_t x = 0; x < n; ++x)
-      around_[x] = static_cast<uchar>(columns_[x] + columns_[x + 1] + columns_[x + 2]);
-  }
-  static void count_region(const std::uint8_t* state, std::size_t n,
-                           uchar* STILLPOINT_RESTRICT counts) {
-    for (std::size_t x = 0; x < n; ++x)
-      counts[x] = static_cast<uchar>(counts[x] + (state[x] == kRegion));
   }
 
   struct Bounds {
     std::uint16_t lo, hi;
   };
 
-  // From the cells of the region among the 3 x 3 around a cell.
-  static Bounds bounds_around(const ObjectRegion& region, const cv::Point& cell) {
-    const cv::Point one(1, 1);
-    const cv::Rect around = cv::Rect(cell - one, cv::Size(3, 3)) & region.used();
-    std::uint16_t least = kMost, most = 0;
-    for (int y = around.y; y < around.br().y; ++y) {
-      const std::uint8_t* state = region.states()[y];
-      const std::uint16_t* units = region.samples().units()[y];
-      for (int x = around.x; x < around.br().x; ++x) {
-        if (state[x] != kRegion) continue;
-        least = std::min(least, units[x]), most = std::max(most, units[x]);
-      }
-    }
-    const DepthView& depth = region.samples().depth();
-    const float near_m = depth.to_m(least), far_m = depth.to_m(most);
+  // Of each column of three used cells around a row, those of the region: how many there are, their
+  // least and their greatest depth. A column before the first and one behind the last have none.
+  void look_around(const ObjectRegion& region, int y) {
+    const cv::Rect& used = region.used();
+    const std::size_t n = static_cast<std::size_t>(used.width);
+    count_.assign(n + 2, 0), least_.assign(n + 2, kMost), most_.assign(n + 2, 0);
+    for (int row = std::max(y - 1, used.y); row < std::min(y + 2, used.br().y); ++row)
+      add_row(region.states()[row] + used.x, region.samples().units()[row] + used.x, n, &count_[1],
+              &least_[1], &most_[1]);
+  }
+
+  static Bounds widened(const DepthView& depth, const Bounds& bounds) {
+    const float near_m = depth.to_m(bounds.lo), far_m = depth.to_m(bounds.hi);
     const float slack_m = 0.03f + 0.01f * near_m;
     const int lo = std::max(1, depth.first_units(near_m - slack_m));
     const int hi = std::max(lo, depth.last_units(far_m + slack_m));
@@ -108,6 +94,18 @@ class RegionPixels {
   }
 
   // These without branches, as loops of vector instructions.
+  static void add_row(const std::uint8_t* state, const std::uint16_t* units, std::size_t n,
+                      std::uint16_t* STILLPOINT_RESTRICT count,
+                      std::uint16_t* STILLPOINT_RESTRICT least,
+                      std::uint16_t* STILLPOINT_RESTRICT most) {
+    for (std::size_t x = 0; x < n; ++x) {
+      const std::uint16_t in = state[x] == kRegion ? kMost : 0;
+      const std::uint16_t z = units[x] & in, far = units[x] | static_cast<std::uint16_t>(~in);
+      count[x] = static_cast<std::uint16_t>(count[x] + (in & 1));
+      least[x] = far < least[x] ? far : least[x];
+      most[x] = z > most[x] ? z : most[x];
+    }
+  }
   static void find_in_bounds(const std::uint16_t* z, const std::uint16_t* lo,
                              const std::uint16_t* hi, int n, uchar* STILLPOINT_RESTRICT out) {
     for (int x = 0; x < n; ++x) out[x] = ((z[x] >= lo[x]) & (z[x] <= hi[x])) ? 255 : 0;
@@ -127,9 +125,9 @@ class RegionPixels {
     }
   }
 
-  std::vector<uchar> columns_, around_;  // of a row of cells: those of the region in the 3 x 3
-  cv::Mat_<std::uint16_t> lo_, hi_;      // of a row of cells, for each column of pixels
-  cv::Mat_<uchar> known_;                // the object's pixels before those right beside it
+  std::vector<std::uint16_t> count_, least_, most_;  // see look_around()
+  cv::Mat_<std::uint16_t> lo_, hi_;                  // of a row of cells, for each column of pixels
+  cv::Mat_<uchar> known_;  // the object's pixels before those right beside it
 };
 
 }  // namespace stillpoint

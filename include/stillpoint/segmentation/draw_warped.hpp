@@ -9,6 +9,8 @@
 #include <cstdint>
 #include <opencv2/core.hpp>
 
+#include "stillpoint/core/config.hpp"
+
 namespace stillpoint::detail {
 
 // Places in the mask are counted in 2^-32 pixels: sums of them are exact.
@@ -28,6 +30,11 @@ inline void clip_range(std::int64_t first, std::int64_t step, int size, cv::Rang
   while (range.end > range.start && outside(range.end - 1)) --range.end;
 }
 
+// A loop of vector instructions.
+inline void add_row(const uchar* row, int n, uchar* STILLPOINT_RESTRICT to) {
+  for (int x = 0; x < n; ++x) to[x] = static_cast<uchar>(to[x] | row[x]);
+}
+
 /// ORs a mask, one byte per pixel of `box`, into the part `part` of `out`, which covers the image
 /// from `origin` on. `affine` maps pixels of the mask's image into those of `out`'s; the nearest
 /// pixel is taken. O(part).
@@ -38,6 +45,7 @@ inline void draw_warped(const uchar* mask, const cv::Rect& box,
   const Eigen::Vector2d offset = -inverse * affine.col(2) + Eigen::Vector2d(0.5, 0.5);
   const std::int64_t step_u = fixed_point(inverse(0, 0), 1e4);
   const std::int64_t step_v = fixed_point(inverse(1, 0), 1e4);
+  const bool only_moved = step_u == std::int64_t{1} << kFixedBits && step_v == 0;
   for (int y = part.y; y < part.y + part.height; ++y) {
     std::int64_t u =
         fixed_point(inverse(0, 0) * part.x + inverse(0, 1) * y + offset.x() - box.x, 1e9);
@@ -48,8 +56,14 @@ inline void draw_warped(const uchar* mask, const cv::Rect& box,
     clip_range(v, step_v, box.height, inside);
     u += inside.start * step_u, v += inside.start * step_v;
     uchar* to = out.ptr<uchar>(y - origin.y) + part.x - origin.x;
-    for (int x = inside.start; x < inside.end; ++x, u += step_u, v += step_v)
-      to[x] |= mask[static_cast<std::size_t>((v >> kFixedBits) * box.width + (u >> kFixedBits))];
+    const auto at = [&] {
+      return static_cast<std::ptrdiff_t>((v >> kFixedBits) * box.width + (u >> kFixedBits));
+    };
+    if (only_moved && inside.start < inside.end) {
+      add_row(mask + at(), inside.size(), to + inside.start);
+      continue;
+    }
+    for (int x = inside.start; x < inside.end; ++x, u += step_u, v += step_v) to[x] |= mask[at()];
   }
 }
 
