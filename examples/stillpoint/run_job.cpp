@@ -17,6 +17,7 @@
 //   blur              means over the frames: sharpness (of the edges, about 1: perfect steps),
 //                     motion_px (of the image, predicted, during the exposure)
 //   depth_delay_s     how long after its stamp the depth was taken at last, if frames tell it
+//   depth_readout_s   how long it took to read it out, first to last row, if frames tell it
 //   masks             against masks_gt, undilated; before = the segmenter's own, after = final;
 //                     means over the frames; _blurred: over the least sharp third
 //   keypoints         extracted, kept: per frame; with masks_gt kept_on_people (share of the kept),

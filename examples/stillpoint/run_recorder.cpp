@@ -139,6 +139,7 @@ void RunRecorder::add(const FrameView& view, const std::string& stem, WholeImage
     r.restored = stats.restored;
     r.mask_share = stats.mask_share;
     if (std::isfinite(stats.depth_delay_s)) depth_delay_s_ = stats.depth_delay_s;
+    if (std::isfinite(stats.depth_readout_s)) depth_readout_s_ = stats.depth_readout_s;
     if (!stats.segmenter_error.empty() && segmenter_errors_++ == 0)
       segmenter_error_ = stats.segmenter_error;
   }
@@ -255,6 +256,7 @@ void RunRecorder::summarize(Json& stats, bool front_end) const {
   }
   stats["blur"] = {{"sharpness", sharpness_mean.value()}, {"motion_px", motion.value()}};
   if (std::isfinite(depth_delay_s_)) stats["depth_delay_s"] = depth_delay_s_;
+  if (std::isfinite(depth_readout_s_)) stats["depth_readout_s"] = depth_readout_s_;
   stats["status"] = Json::object();
   for (const auto& [name, count] : status) stats["status"][name] = count;
 

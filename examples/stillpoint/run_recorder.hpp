@@ -113,7 +113,9 @@ class RunRecorder {
   cv::Mat truth_;
   std::vector<Record> records_;
   std::string segmenter_error_;
-  double depth_delay_s_ = std::numeric_limits<double>::quiet_NaN();  // the last that is known
+  // The last that are known.
+  double depth_delay_s_ = std::numeric_limits<double>::quiet_NaN();
+  double depth_readout_s_ = std::numeric_limits<double>::quiet_NaN();
   std::size_t segmenter_errors_ = 0;
   bool any_truth_ = false;
 };

@@ -173,6 +173,9 @@ class FrontEndPipeline {
     if (stats_.mask_share > settings_.large_mask_share) stats_.status |= kMaskTooLarge;
     const DepthDelay& delay = motion_.delay();
     stats_.depth_delay_s = delay.known() ? delay.mean_s : std::numeric_limits<double>::quiet_NaN();
+    const DepthReadout& readout = motion_.readout();
+    stats_.depth_readout_s =
+        readout.known() ? readout.mean_s : std::numeric_limits<double>::quiet_NaN();
     stats_.keypoints = stats_.kept = 0;
     stats_.probability_ms = 0;
   }

@@ -107,6 +107,27 @@ TEST(Cameras, TellsHowLateTheDepthIsTaken) {
   }
 }
 
+TEST(Cameras, TellsHowLongTheDepthIsReadOut) {
+  const Camera camera = camera_of(320);
+  const RoomCamera room(camera);
+  const auto pose = [](double i) { return turned(yaw_deg(i), 0.15 * std::sin(0.07 * i)); };
+  for (const double readout_s : {-0.02, 0.0, 0.03}) {
+    SCOPED_TRACE(readout_s);
+    FrontEnd front_end(FrontEndSettings(), camera);
+    EXPECT_TRUE(std::isnan(front_end.stats().depth_readout_s));
+    double share = 0;
+    for (int i = 0; i < 210; ++i) {
+      RgbdFrame frame = room.frame(i / 30.0, pose(i));
+      frame.depth =
+          room.frame_in_rows(0, [&](double row) { return pose(i + 30 * readout_s * row); }).depth;
+      front_end.compute_mask(frame, kNothing);
+      share += front_end.stats().mask_share / 210;
+    }
+    EXPECT_NEAR(front_end.stats().depth_readout_s, readout_s, 0.003);
+    EXPECT_EQ(share, 0);
+  }
+}
+
 TEST(Cameras, WithoutDepthTheHostsMotionIsUsed) {
   const FlatScene scene;
   FrontEnd front_end(FrontEndSettings(), scene.camera());

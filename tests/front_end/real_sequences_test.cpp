@@ -37,10 +37,11 @@ TEST_F(RealSequences, NobodyMovesBeforeAFastKinect) {
   EXPECT_LE(sum / static_cast<double>(sequence.size()), 0.005);
 }
 
-TEST_F(RealSequences, TheDelayOfTheDepthIsFound) {
-  // Nobody knows the true one, but by how much a wrong stamp changes it.
+TEST_F(RealSequences, DelayAndReadOutOfTheDepthAreFound) {
+  // Nobody knows the true delay, but by how much a wrong stamp changes it. The read-out, which no
+  // stamp changes, is on its way to some 30 ms.
   const TumSequence sequence(root_ / "fr1_rpy_fast");
-  double found_s[2] = {0, 0};
+  double found_s[2] = {0, 0}, readout_s[2] = {0, 0};
   for (const int early : {0, 1}) {
     FrontEnd front_end(FrontEndSettings(), sequence.camera().value());
     for (std::size_t i = 0; i < sequence.size(); ++i) {
@@ -49,9 +50,12 @@ TEST_F(RealSequences, TheDelayOfTheDepthIsFound) {
       front_end.compute_mask(frame, Segmentation());
     }
     found_s[early] = front_end.stats().depth_delay_s;
+    readout_s[early] = front_end.stats().depth_readout_s;
   }
   EXPECT_NEAR(found_s[0], -0.012, 0.01);
   EXPECT_NEAR(found_s[1] - found_s[0], 0.02, 0.006);
+  EXPECT_NEAR(readout_s[0], 0.02, 0.008);
+  EXPECT_NEAR(readout_s[1], readout_s[0], 0.003);
 }
 
 TEST_F(RealSequences, AFalsePersonAllOverADeskIsNotBelieved) {

@@ -31,19 +31,26 @@ class RoomCamera {
   std::optional<Eigen::Vector3f> board_m;
 
   RgbdFrame frame(double timestamp, const Eigen::Isometry3d& T_world_camera) const {
+    return frame_in_rows(timestamp, [&](double) { return T_world_camera; });
+  }
+
+  /// The same with a pose for each row: `T_world_camera(share)`, from -0.5 (first) to 0.5 (last).
+  template <class PoseOfRow>
+  RgbdFrame frame_in_rows(double timestamp, PoseOfRow&& T_world_camera) const {
     RgbdFrame frame;
     frame.timestamp = timestamp;
     frame.color.create(camera_.height, camera_.width, CV_8UC1);
     frame.depth.create(camera_.height, camera_.width, CV_32FC1);
-    const Eigen::Matrix3f R = T_world_camera.linear().cast<float>();
-    const Eigen::Vector3f o = T_world_camera.translation().cast<float>();
     std::size_t i = 0;
-    for (int y = 0; y < camera_.height; ++y)
+    for (int y = 0; y < camera_.height; ++y) {
+      const Eigen::Isometry3f T =
+          Eigen::Isometry3d(T_world_camera((y + 0.5) / camera_.height - 0.5)).cast<float>();
       for (int x = 0; x < camera_.width; ++x, ++i) {
-        const Hit hit = trace(o, R * rays_[i]);
+        const Hit hit = trace(T.translation(), T.linear() * rays_[i]);
         frame.color.at<uchar>(y, x) = hit.gray;
         frame.depth.at<float>(y, x) = hit.z;
       }
+    }
     return frame;
   }
 

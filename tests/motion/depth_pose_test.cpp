@@ -42,11 +42,10 @@ double dragged_m(double mover_m_s) {
     context.begin(scene(i / 30.0, mover_m_s * i / 30.0), small_camera());
     cells.set(context.depth, 4);
     pose.locate(i / 30.0, cells, resting, map);
-    map.add(i / 30.0, pose.T_map_depth(), pose.lateral_cells(), cells,
-            std::vector<std::uint8_t>(cells.size(), 0));
+    map.add(pose.shot(), cells, std::vector<std::uint8_t>(cells.size(), 0));
   }
   EXPECT_TRUE(pose.fit().has_value());
-  return pose.T_map_depth().translation().norm();
+  return pose.shot().T_map_depth.translation().norm();
 }
 
 TEST(DepthPose, IsDraggedAlongAWallByHalf) {

@@ -50,13 +50,13 @@ Eigen::Isometry3d turned(double degrees, const Eigen::Vector3d& axis) {
 class FreeSpace : public testing::Test {
  protected:
   void remember(const std::vector<std::uint8_t>& dynamic) {
-    map_.add(0, Eigen::Isometry3d::Identity(), kExact, wall(4), dynamic);
+    map_.add({0, Eigen::Isometry3d::Identity(), kExact}, wall(4), dynamic);
   }
   void remember() { remember(std::vector<std::uint8_t>(wall(4).size(), 0)); }
 
   CellLabels judge(const Eigen::Isometry3d& T_world_camera, const DepthCells& frame) {
     CellLabels evidence;
-    map_.judge(0.1, T_world_camera, kExact, frame, evidence);
+    map_.judge({0.1, T_world_camera, kExact}, frame, evidence);
     EXPECT_EQ(evidence.size(), frame.size());
     return evidence;
   }
@@ -83,7 +83,7 @@ TEST_F(FreeSpace, SaysNothingOfCellsThatMayLieAnywhere) {
   for (const float reach :
        {1e30f, std::numeric_limits<float>::infinity(), std::numeric_limits<float>::quiet_NaN()}) {
     CellLabels labels;
-    map_.judge(0.1, Eigen::Isometry3d::Identity(), {reach, reach}, near, labels);
+    map_.judge({0.1, Eigen::Isometry3d::Identity(), {reach, reach}}, near, labels);
     expect(labels, near, [](int, int) { return CellLabel::kUnknown; });
   }
 }
@@ -142,7 +142,7 @@ TEST_F(FreeSpace, KnowsWhatStoodAlone) {
   std::vector<std::uint8_t> dynamic(frame.size(), 0), touching(frame.size(), 0);
   for (int y = 0; y < frame.height; ++y)
     for (int x = 0; x < 20; ++x) touching[frame.index(x, y)] = 1;
-  map_.add(0, Eigen::Isometry3d::Identity(), kExact, frame, dynamic, touching);
+  map_.add({0, Eigen::Isometry3d::Identity(), kExact}, frame, dynamic, touching);
   CellLabels labels = judge(forward(0), frame);
   labels.find_wide_static();
   const int px = labels.block_px();
@@ -153,8 +153,8 @@ TEST_F(FreeSpace, KnowsWhatStoodAlone) {
   EXPECT_FALSE(labels.stood_alone({-1 + 40 * px, 15 * px})) << "the rim is not even static";
   // One frame in which it stood alone is enough.
   map_.clear();
-  map_.add(-0.1, Eigen::Isometry3d::Identity(), kExact, frame, dynamic);
-  map_.add(0, Eigen::Isometry3d::Identity(), kExact, frame, dynamic, touching);
+  map_.add({-0.1, Eigen::Isometry3d::Identity(), kExact}, frame, dynamic);
+  map_.add({0, Eigen::Isometry3d::Identity(), kExact}, frame, dynamic, touching);
   labels = judge(forward(0), frame);
   labels.find_wide_static();
   EXPECT_TRUE(labels.stood_alone({10 * px, 15 * px}));
@@ -187,10 +187,10 @@ class Holes : public FreeSpace {
   // seen, when something stands there `depth_m` away.
   CellLabel after(const DepthCells& earlier, float depth_m,
                   const std::vector<std::uint8_t>& dynamic) {
-    map_.add(-2, Eigen::Isometry3d::Identity(), kExact, wall(4),
+    map_.add({-2, Eigen::Isometry3d::Identity(), kExact}, wall(4),
              std::vector<std::uint8_t>(1200, 1));
     map_.clear();  // the range stays known
-    map_.add(0, Eigen::Isometry3d::Identity(), kExact, earlier, dynamic);
+    map_.add({0, Eigen::Isometry3d::Identity(), kExact}, earlier, dynamic);
     DepthCells now = earlier;
     now.depth_m[now.index(20, 15)] = depth_m;
     return judge(forward(0), now)[now.index(20, 15)];
@@ -239,9 +239,9 @@ TEST_F(Holes, TellFreeSpaceAgainSomeSecondsAfterANoisyPatch) {
   for (int y = 10; y < 14; ++y)
     for (int x = 10; x < 14; ++x) noisy.depth_m[noisy.index(x, y)] = 9;
   const std::vector<std::uint8_t> none(noisy.size(), 0);
-  map_.add(-20, Eigen::Isometry3d::Identity(), kExact, noisy, none);
+  map_.add({-20, Eigen::Isometry3d::Identity(), kExact}, noisy, none);
   for (double t = -19.9; t < -2.5; t += 0.1)
-    map_.add(t, Eigen::Isometry3d::Identity(), kExact, wall(4), none);
+    map_.add({t, Eigen::Isometry3d::Identity(), kExact}, wall(4), none);
   EXPECT_EQ(after(with_hole(3.8f, large_), 2), CellLabel::kMoved);
 }
 
@@ -254,9 +254,9 @@ TEST_F(FreeSpace, SaysNothingBesideASurfaceThatMayLieAside) {
   const std::vector<std::uint8_t> none(before.size(), 0);
   for (const float sideways : {0.0f, 4.0f}) {
     map_.clear();
-    map_.add(0, Eigen::Isometry3d::Identity(), {sideways / 2, 0}, before, none);
+    map_.add({0, Eigen::Isometry3d::Identity(), {sideways / 2, 0}}, before, none);
     CellLabels labels;
-    map_.judge(0.1, Eigen::Isometry3d::Identity(), {sideways / 2, 0}, now, labels);
+    map_.judge({0.1, Eigen::Isometry3d::Identity(), {sideways / 2, 0}}, now, labels);
     EXPECT_EQ(labels[now.index(27, 15)], sideways > 0 ? CellLabel::kUnknown : CellLabel::kMoved);
   }
 }
@@ -270,16 +270,16 @@ TEST_F(FreeSpace, FindsWhoGoesStraightAwayButNotWhatComesIntoView) {
     return frame;
   };
   for (int i = 0; i < 20; ++i)
-    map_.add(0.05 * i, Eigen::Isometry3d::Identity(), kExact,
+    map_.add({0.05 * i, Eigen::Isometry3d::Identity(), kExact},
              person(1.5f + 0.04f * static_cast<float>(i)), none);
   CellLabels labels;
-  map_.judge(1, Eigen::Isometry3d::Identity(), kExact, person(2.3f), labels);
+  map_.judge({1, Eigen::Isometry3d::Identity(), kExact}, person(2.3f), labels);
   EXPECT_EQ(labels[wall(4).index(15, 14)], CellLabel::kMoved);
   // What he hid is in view again: it was as far behind him at any time.
   map_.clear();
   for (int i = 0; i < 20; ++i)
-    map_.add(0.05 * i, Eigen::Isometry3d::Identity(), kExact, person(2), none);
-  map_.judge(1, Eigen::Isometry3d::Identity(), kExact, person(2.4f), labels);
+    map_.add({0.05 * i, Eigen::Isometry3d::Identity(), kExact}, person(2), none);
+  map_.judge({1, Eigen::Isometry3d::Identity(), kExact}, person(2.4f), labels);
   EXPECT_EQ(labels[wall(4).index(15, 14)], CellLabel::kUnknown);
 }
 
@@ -289,12 +289,12 @@ TEST_F(FreeSpace, RemembersSecondsNotFrames) {
     SCOPED_TRACE(hz);
     map_.clear();
     for (int i = 0; i < static_cast<int>(1.5 * hz); ++i)
-      map_.add(i / hz, Eigen::Isometry3d::Identity(), kExact, i < 0.2 * hz ? wall(4) : wall(2),
+      map_.add({i / hz, Eigen::Isometry3d::Identity(), kExact}, i < 0.2 * hz ? wall(4) : wall(2),
                std::vector<std::uint8_t>(none.size(), i < 0.2 * hz ? 0 : 1));
     CellLabels labels;
-    map_.judge(1.5, Eigen::Isometry3d::Identity(), kExact, wall(2), labels);
+    map_.judge({1.5, Eigen::Isometry3d::Identity(), kExact}, wall(2), labels);
     EXPECT_EQ(labels[wall(4).index(15, 14)], CellLabel::kMoved) << "1.4 s ago it was free";
-    map_.judge(3.5, Eigen::Isometry3d::Identity(), kExact, wall(2), labels);
+    map_.judge({3.5, Eigen::Isometry3d::Identity(), kExact}, wall(2), labels);
     EXPECT_EQ(labels[wall(4).index(15, 14)], CellLabel::kUnknown) << "too long ago";
   }
 }

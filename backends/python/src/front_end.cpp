@@ -133,6 +133,9 @@ void bind_stats(py::module_& m) {
           "depth_delay_s", &FrameStats::depth_delay_s,
           "How long after its stamp the depth is taken, seconds; nan: not known (yet).\n\n"
           "Frames in which the camera rotates tell it.")
+      .def_readonly("depth_readout_s", &FrameStats::depth_readout_s,
+                    "How long it takes to read the depth out, from the first to the last row "
+                    "(negative: from below), seconds; nan: not known (yet).")
       .def_readonly("keypoints", &FrameStats::keypoints)
       .def_readonly("kept", &FrameStats::kept)
       .def("__repr__", [](const FrameStats& s) {

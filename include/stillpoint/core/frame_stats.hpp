@@ -32,6 +32,9 @@ struct FrameStats {
   /// How long after its stamp the depth is taken, seconds, as frames in which the camera rotates
   /// tell the motion check; NaN: not known (yet).
   double depth_delay_s = std::numeric_limits<double>::quiet_NaN();
+  /// How long it takes to read the depth out, from the first to the last row (negative: from
+  /// below), seconds, found in the same way; NaN: not known (yet).
+  double depth_readout_s = std::numeric_limits<double>::quiet_NaN();
   int keypoints = 0, kept = 0;
 };
 

@@ -8,6 +8,7 @@
 #include "stillpoint/core/config.hpp"
 #include "stillpoint/core/lens.hpp"
 #include "stillpoint/motion/depth_cells.hpp"
+#include "stillpoint/motion/depth_shot.hpp"
 #include "stillpoint/sensor/sensor_model.hpp"
 
 namespace stillpoint {
@@ -19,11 +20,13 @@ class CellProjection {
   /// Depth of a cell that was not measured or lies too near, metres: beyond everything.
   static constexpr float kBeyond = 1e9f;
 
-  CellProjection(const DepthCells& cells, const Eigen::Isometry3d& T_view_now,
+  CellProjection(const DepthCells& cells, const DepthShot& now, const DepthShot& view,
                  const SensorModel& sensor)
       : cells_(cells),
-        R_(T_view_now.linear().cast<float>()),
-        t_(T_view_now.translation().cast<float>()),
+        now_(now),
+        view_(view),
+        T_view_now_((view.T_map_depth.inverse() * now.T_map_depth).cast<float>()),
+        skewed_(now.is_skewed() || view.is_skewed()),
         nearest_(static_cast<float>(sensor.min_range_m)),
         floor2_(square(sensor, sensor.depth_floor_m)),
         slope2_(square(sensor, sensor.depth_slope)),
@@ -33,7 +36,8 @@ class CellProjection {
   /// depth there in metres, and the square of the least step that is not noise there.
   void row(int y, int* cell, float* z, float* least_step2) const {
     const std::size_t first = cells_.index(0, y);
-    project(&cells_.ray_x[first], &cells_.ray_y[first], &cells_.depth_m[first], cell, z,
+    const Eigen::Isometry3f T = skewed_ ? of_row(y) : T_view_now_;
+    project(T, &cells_.ray_x[first], &cells_.ray_y[first], &cells_.depth_m[first], cell, z,
             least_step2);
   }
 
@@ -42,12 +46,26 @@ class CellProjection {
     return static_cast<float>(sensor.sigmas * sensor.sigmas * sigma * sigma);
   }
 
-  void project(const float* STILLPOINT_RESTRICT ray_x, const float* STILLPOINT_RESTRICT ray_y,
-               const float* STILLPOINT_RESTRICT depth, int* STILLPOINT_RESTRICT cell,
-               float* STILLPOINT_RESTRICT z, float* STILLPOINT_RESTRICT least_step2) const {
-    const float r00 = R_(0, 0), r01 = R_(0, 1), r02 = R_(0, 2), r10 = R_(1, 0), r11 = R_(1, 1),
-                r12 = R_(1, 2), r20 = R_(2, 0), r21 = R_(2, 1), r22 = R_(2, 2), tx = t_.x(),
-                ty = t_.y(), tz = t_.z();
+  // The motion of a row that was read out at its own moment, into the row of the view on which its
+  // middle falls: there, both rows lie much alike.
+  Eigen::Isometry3f of_row(int y) const {
+    Eigen::Isometry3f T = T_view_now_;
+    T.linear() = T.linear() * now_.middle_of_row(cells_.row_share(static_cast<float>(y)));
+    const std::size_t middle = cells_.index(cells_.width / 2, y);
+    const Eigen::Vector3f ray(cells_.ray_x[middle], cells_.ray_y[middle], 1),
+        seen = T.linear() * ray;
+    if (!(seen.z() > 0)) return T;
+    const float row = cells_.row_share(cells_.cell(seen.x() / seen.z(), seen.y() / seen.z()).y());
+    return view_.middle_of_row(row).transpose() * T;
+  }
+
+  void project(const Eigen::Isometry3f& T, const float* STILLPOINT_RESTRICT ray_x,
+               const float* STILLPOINT_RESTRICT ray_y, const float* STILLPOINT_RESTRICT depth,
+               int* STILLPOINT_RESTRICT cell, float* STILLPOINT_RESTRICT z,
+               float* STILLPOINT_RESTRICT least_step2) const {
+    const float r00 = T(0, 0), r01 = T(0, 1), r02 = T(0, 2), r10 = T(1, 0), r11 = T(1, 1),
+                r12 = T(1, 2), r20 = T(2, 0), r21 = T(2, 1), r22 = T(2, 2), tx = T(0, 3),
+                ty = T(1, 3), tz = T(2, 3);
     const Lens::Coefficients lens = cells_.distortion;
     // Half a cell added: to be rounded down.
     const float fx = cells_.fx, fy = cells_.fy, cx = cells_.cx + 0.5f, cy = cells_.cy + 0.5f;
@@ -77,8 +95,9 @@ class CellProjection {
   }
 
   const DepthCells& cells_;
-  Eigen::Matrix3f R_;
-  Eigen::Vector3f t_;
+  const DepthShot &now_, &view_;
+  Eigen::Isometry3f T_view_now_;
+  bool skewed_;                                // rows lie beside each other
   float nearest_, floor2_, slope2_, square2_;  // of the sensor, squared and times the sigmas
 };
 

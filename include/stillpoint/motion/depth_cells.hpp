@@ -39,6 +39,12 @@ struct DepthCells {
            static_cast<std::size_t>(x);
   }
 
+  /// Where a row of cells lies in the image, from -0.5 (the first) to 0.5 (the last).
+  float row_share(float y) const {
+    const float share = (y + 0.5f) / static_cast<float>(height) - 0.5f;
+    return std::min(0.5f, std::max(-0.5f, share));
+  }
+
   /// Greatest difference in depth of two neighboring cells of one surface at depth z, metres.
   static float most_step_m(float z) { return 0.03f + 0.025f * z; }
 

@@ -12,8 +12,10 @@
 #include "stillpoint/motion/delay_estimate.hpp"
 #include "stillpoint/motion/depth_cells.hpp"
 #include "stillpoint/motion/depth_registration.hpp"
+#include "stillpoint/motion/depth_shot.hpp"
 #include "stillpoint/motion/ego_motion.hpp"
 #include "stillpoint/motion/free_space_map.hpp"
+#include "stillpoint/motion/readout_estimate.hpp"
 #include "stillpoint/sensor/sensor_model.hpp"
 
 namespace stillpoint {
@@ -33,7 +35,8 @@ class DepthPose {
 
   /// The map is empty: poses begin anew, with the identity.
   void reset() {
-    T_map_depth_ = predicted_ = Eigen::Isometry3d::Identity();
+    shot_ = DepthShot();
+    predicted_ = Eigen::Isometry3d::Identity();
     registered_ = false;
   }
 
@@ -44,29 +47,37 @@ class DepthPose {
     const double rad_s = rotation_rad_s.norm();
     taken_s_ = depth_s + (delay().known() ? delay().mean_s : 0);
     const Eigen::Isometry3d ego_now = ego.pose_at(taken_s_);
+    const DepthShot last = shot_;
+    shot_.timestamp = depth_s;
+    shot_.rad_s = rotation_rad_s.cast<float>();
+    shot_.readout_s = readout().known() ? static_cast<float>(readout().mean_s) : 0;
     if (!map.empty()) {
       const Eigen::Isometry3d step = ego_at_depth_.inverse() * ego_now;
-      const Eigen::Isometry3d from_last = T_map_depth_ * step;
+      const Eigen::Isometry3d from_last = last.T_map_depth * step;
       const bool compare = registered_;
-      predicted_ = followed(depth_s - depth_s_) * step;
-      const auto found = registration_.align(depth_s, cells, map, predicted_,
-                                             kRotationSigma + kRotationSigmaS * rad_s,
-                                             kTranslationSigmaM + kTranslationSigmaMS * rad_s);
+      shot_.T_map_depth = predicted_ = followed(depth_s - last.timestamp) * step;
+      const auto found =
+          registration_.align(shot_, cells, map, kRotationSigma + kRotationSigmaS * rad_s,
+                              kTranslationSigmaM + kTranslationSigmaMS * rad_s);
       registered_ = found && found->fit > kLeastFit;
-      T_map_depth_ = registered_ ? found->T_map_depth : predicted_;
-      if (registered_) fit_ = found->fit;
+      if (registered_) {
+        shot_.T_map_depth = found->T_map_depth;
+        fit_ = found->fit;
+        if (fit_ > kNothingMoves)
+          readout_.add(shot_.readout_s + found->readout_off_s, found->readout_information);
+      }
       // Large movers err alike in many frames.
       if (compare && registered_ && fit_ > kNothingMoves)
-        estimate_.add(rotation_rad_s, step.linear().transpose() * last_rad_s_,
-                      detail::rotation_vector((from_last.inverse() * T_map_depth_).linear()));
+        delay_.add(rotation_rad_s, step.linear().transpose() * last_rad_s_,
+                   detail::rotation_vector((from_last.inverse() * shot_.T_map_depth).linear()));
     }
     last_rad_s_ = rotation_rad_s;
     ego_at_depth_ = ego_now;
-    depth_s_ = depth_s;
     const double spread_s = delay().known() ? delay().spread_s : sensor_.delay_s;
-    const double timing_s = std::hypot(spread_s, sensor_.readout_s / std::sqrt(12.0));
-    lateral_cells_ = cells_per_second(cells, rotation_rad_s) *
-                     static_cast<float>(timing_s * (registered_ ? kLeftOfTiming : 1));
+    const double row_s = readout().known() ? readout().error_s : sensor_.readout_s;
+    const double timing_s = std::hypot(spread_s, row_s / std::sqrt(12.0));
+    shot_.lateral_cells = cells_per_second(cells, rotation_rad_s) *
+                          static_cast<float>(timing_s * (registered_ ? kLeftOfTiming : 1));
   }
 
   /// To be called after `ego` was given the host's pose of the last frame. Whether the pose is
@@ -76,19 +87,18 @@ class DepthPose {
     predicted_ = predicted_ * ego_at_depth_.inverse() * ego_now;
     ego_at_depth_ = ego_now;
     if (registered_) return false;
-    T_map_depth_ = predicted_;
+    shot_.T_map_depth = predicted_;
     return true;
   }
 
   /// Of the last frame.
-  const Eigen::Isometry3d& T_map_depth() const { return T_map_depth_; }
-  double depth_s() const { return depth_s_; }
+  const DepthShot& shot() const { return shot_; }
   /// Share of its comparable cells whose depth agrees; empty: the pose is the predicted one.
   std::optional<double> fit() const { return registered_ ? std::optional(fit_) : std::nullopt; }
   /// How long after its stamp the depth is taken, as far as the frames since the start tell.
-  const DepthDelay& delay() const { return estimate_.delay(); }
-  /// How far, in cells, its surfaces may lie beside where they are drawn.
-  const Eigen::Vector2f& lateral_cells() const { return lateral_cells_; }
+  const DepthDelay& delay() const { return delay_.delay(); }
+  /// How long it takes to read it out, as far as the frames since the start tell.
+  const DepthReadout& readout() const { return readout_.readout(); }
 
  private:
   // A frame fits the map if so many of its comparable cells do; people may hide half of it.
@@ -107,7 +117,7 @@ class DepthPose {
   Eigen::Isometry3d followed(double step_s) const {
     if (!registered_) return predicted_;
     const double share = fit_ > kNothingMoves ? 1 : 1 - std::exp(-step_s / kFollowS);
-    const Eigen::Isometry3d off = predicted_.inverse() * T_map_depth_;
+    const Eigen::Isometry3d off = predicted_.inverse() * shot_.T_map_depth;
     Eigen::Isometry3d towards = Eigen::Isometry3d::Identity();
     towards.linear() = detail::rotation_matrix(share * detail::rotation_vector(off.linear()));
     towards.translation() = share * off.translation();
@@ -134,14 +144,14 @@ class DepthPose {
 
   SensorModel sensor_;
   DepthRegistration registration_;
-  Eigen::Isometry3d T_map_depth_ = Eigen::Isometry3d::Identity();
+  DepthShot shot_;
   Eigen::Isometry3d predicted_ = Eigen::Isometry3d::Identity();
   Eigen::Isometry3d ego_at_depth_ = Eigen::Isometry3d::Identity();
-  double depth_s_ = 0, taken_s_ = 0;  // its stamp; with the delay
+  double taken_s_ = 0;  // its stamp with the delay
   bool registered_ = false;
   double fit_ = 0;  // where it is registered
-  Eigen::Vector2f lateral_cells_ = Eigen::Vector2f::Zero();
-  DelayEstimate estimate_;
+  DelayEstimate delay_;
+  ReadoutEstimate readout_;
   Eigen::Vector3d last_rad_s_ = Eigen::Vector3d::Zero();  // how the camera rotated
 };
 

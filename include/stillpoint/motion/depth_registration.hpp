@@ -34,23 +34,29 @@ class DepthRegistration {
     Eigen::Isometry3d T_map_depth = Eigen::Isometry3d::Identity();
     /// Share of the comparable cells whose depth agrees, 0 to 1.
     double fit = 0;
+    /// By how much the rows are read out more slowly than `shot` says, seconds, and how much that
+    /// is worth: one over its variance. 0 where the camera does not rotate.
+    double readout_off_s = 0, readout_information = 0;
   };
 
-  /// `prior`: the predicted pose, and its standard deviations. No value where too few cells can be
-  /// compared. O(cells).
-  std::optional<Result> align(double timestamp, const DepthCells& cells, const FreeSpaceMap& map,
-                              const Eigen::Isometry3d& prior, double rotation_sigma,
+  /// `shot`: the image with the predicted pose, whose standard deviations are given. No value where
+  /// too few cells can be compared. O(cells).
+  std::optional<Result> align(const DepthShot& shot, const DepthCells& cells,
+                              const FreeSpaceMap& map, double rotation_sigma,
                               double translation_sigma_m) {
     static constexpr std::array<double, 3> kAgesS = {1.6, 0.5, 0.05};
-    map.views_at(timestamp, kAgesS, views_);
-    take_points(cells);
-    Result result{prior, 0};
+    map.views_at(shot.timestamp, kAgesS, views_);
+    take_points(cells, shot);
+    rotates_ = shot.rad_s.squaredNorm() > kLeastRadS * kLeastRadS;
+    const Eigen::Isometry3d& prior = shot.T_map_depth;
+    Result result;
+    result.T_map_depth = prior;
     for (int i = 0; i < kSteps; ++i) {
       // From far few agree exactly, and few points are enough.
       compare(cells, result.T_map_depth, i == 0 ? 3.0f : i == 1 ? 2.0f : 1.0f, i < 2 ? 2 : 1);
       if (weight_.size() < kFewest) return std::nullopt;
       result.fit = static_cast<double>(agreeing_) / static_cast<double>(compared_);
-      const double step = improve(prior, rotation_sigma, translation_sigma_m, result.T_map_depth);
+      const double step = improve(prior, rotation_sigma, translation_sigma_m, result);
       if (!(step < kMostStep)) return std::nullopt;
       if (i >= 2 && step < kTinyStep) break;
     }
@@ -69,15 +75,17 @@ class DepthRegistration {
   static constexpr float kSmoothM = 0.05f, kSmoothShare = 0.05f;  // no edge between four cells
 
   struct Point {
-    Eigen::Vector3f p;
+    Eigen::Vector3f p, per_readout_s;  // how it moves with each second of the read-out
     float area;
   };
 
   // Every fourth cell, and of those that are measured every second.
-  void take_points(const DepthCells& cells) {
+  void take_points(const DepthCells& cells, const DepthShot& shot) {
     points_.clear();
     bool take = false;
-    for (int y = 0; y < cells.height; ++y)
+    for (int y = 0; y < cells.height; ++y) {
+      const float row = cells.row_share(static_cast<float>(y));
+      const Eigen::Matrix3f R = shot.middle_of_row(row);
       for (int x = y % 4; x < cells.width; x += 4) {
         const std::size_t i = cells.index(x, y);
         const float z = cells.depth_m[i];
@@ -85,17 +93,19 @@ class DepthRegistration {
         take = !take;
         if (!take) continue;
         const float counted = std::min(z, kMostCountedM);
-        points_.push_back({{cells.ray_x[i] * z, cells.ray_y[i] * z, z}, counted * counted});
+        const Eigen::Vector3f p = R * Eigen::Vector3f(cells.ray_x[i] * z, cells.ray_y[i] * z, z);
+        points_.push_back({p, row * shot.rad_s.cross(p), counted * counted});
       }
+    }
   }
 
   // Fills error_, weight_ and slopes_ for all points in all views.
   void compare(const DepthCells& cells, const Eigen::Isometry3d& T_map_depth, float reach,
                std::size_t stride) {
-    error_.clear(), weight_.clear(), slopes_.clear();
+    error_.clear(), weight_.clear(), slopes_.clear(), readout_slope_.clear();
     compared_ = agreeing_ = 0;
     for (const DepthKeyView* view : views_) {
-      const Eigen::Isometry3d T = view->T_map_depth.inverse() * T_map_depth;
+      const Eigen::Isometry3d T = view->shot.T_map_depth.inverse() * T_map_depth;
       const Eigen::Matrix3f R = T.linear().cast<float>();
       const Eigen::Vector3f t = T.translation().cast<float>();
       for (std::size_t i = 0; i < points_.size(); i += stride)
@@ -105,10 +115,16 @@ class DepthRegistration {
 
   void compare(const DepthCells& cells, const DepthKeyView& view, const Eigen::Matrix3f& R,
                const Eigen::Vector3f& t, const Point& point, float reach) {
-    const Eigen::Vector3f q = R * point.p + t;
+    Eigen::Vector3f q = R * point.p + t;
     if (!(q.z() > static_cast<float>(sensor_.min_range_m))) return;
-    const float inverse = 1 / q.z();
-    const Eigen::Vector2f cell = cells.cell(q.x() * inverse, q.y() * inverse);
+    float inverse = 1 / q.z();
+    Eigen::Vector2f cell = cells.cell(q.x() * inverse, q.y() * inverse);
+    const Eigen::Vector3f turned = cells.row_share(cell.y()) * view.shot.rad_s.cross(q);
+    if (view.shot.is_skewed()) {
+      q -= view.shot.readout_s * turned;
+      inverse = 1 / q.z();
+      cell = cells.cell(q.x() * inverse, q.y() * inverse);
+    }
     if (!(cell.x() >= 1 && cell.y() >= 1 && cell.x() < static_cast<float>(cells.width - 2) &&
           cell.y() < static_cast<float>(cells.height - 2)))
       return;
@@ -139,11 +155,13 @@ class DepthRegistration {
     J.head<3>() = in_camera;
     J.tail<3>() = point.p.cross(in_camera);
     slopes_.push_back(J);
+    readout_slope_.push_back(in_camera.dot(point.per_readout_s) - slope.dot(turned));
   }
 
   // One step; its size.
   double improve(const Eigen::Isometry3d& prior, double rotation_sigma, double translation_sigma_m,
-                 Eigen::Isometry3d& T) const {
+                 Result& result) const {
+    Eigen::Isometry3d& T = result.T_map_depth;
     Eigen::Matrix<float, 6, 6> sum = Eigen::Matrix<float, 6, 6>::Zero();
     Vector6f right = Vector6f::Zero();
     for (std::size_t i = 0; i < weight_.size(); ++i) {
@@ -164,19 +182,43 @@ class DepthRegistration {
     g.tail<3>() += of_r * detail::rotation_vector(off.linear());
     const auto solved = detail::solve_normal_equations<6>(H, -g);
     if (!solved) return std::numeric_limits<double>::infinity();
+    if (rotates_) measure_readout(H, *solved, per, result);
     T = T * detail::motion_of_step(*solved);
     detail::normalize_rotation(T);
     return solved->norm();
   }
 
+  // What of the errors a slower read-out explains beyond a step of the pose: the seventh unknown of
+  // the normal equations, solved for alone.
+  void measure_readout(const Eigen::Matrix<double, 6, 6>& H,
+                       const Eigen::Matrix<double, 6, 1>& step, double per, Result& result) const {
+    Vector6f shared = Vector6f::Zero();
+    float square = 0, right = 0;
+    for (std::size_t i = 0; i < weight_.size(); ++i) {
+      const float weighted = weight_[i] * readout_slope_[i];
+      shared += weighted * slopes_[i];
+      square += weighted * readout_slope_[i];
+      right += weighted * error_[i];
+    }
+    const Eigen::Matrix<double, 6, 1> h = shared.cast<double>() * per;
+    const auto moved = detail::solve_normal_equations<6>(H, h);
+    if (!moved) return;
+    const double information = square * per - h.dot(*moved);
+    if (!(information > 0)) return;
+    result.readout_information = information;
+    result.readout_off_s = -(right * per + h.dot(step)) / information;
+  }
+
+  static constexpr float kLeastRadS = 0.1f;     // slower, rows do not lie beside each other
   static constexpr float kCellSigmaM = 0.005f;  // a cell's depth is a mean over its pixels
   static constexpr float kUsualArea = 4;        // weight of a cell 2 m away
 
   SensorModel sensor_;
   std::vector<const DepthKeyView*> views_;
   std::vector<Point> points_;
+  bool rotates_ = false;
   std::size_t compared_ = 0, agreeing_ = 0;
-  std::vector<float> error_, weight_;
+  std::vector<float> error_, weight_, readout_slope_;
   std::vector<Vector6f> slopes_;
 };
 

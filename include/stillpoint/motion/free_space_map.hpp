@@ -16,6 +16,7 @@
 #include "stillpoint/core/config.hpp"
 #include "stillpoint/motion/cell_projection.hpp"
 #include "stillpoint/motion/depth_cells.hpp"
+#include "stillpoint/motion/depth_shot.hpp"
 #include "stillpoint/motion/far_holes.hpp"
 #include "stillpoint/sensor/sensor_model.hpp"
 
@@ -23,11 +24,7 @@ namespace stillpoint {
 
 /// A depth image of the last seconds in cells, with its pose.
 struct DepthKeyView {
-  double timestamp = 0;
-  /// The depth camera's pose in the map.
-  Eigen::Isometry3d T_map_depth = Eigen::Isometry3d::Identity();
-  /// How far, in cells, its surfaces may lie beside where they are drawn.
-  Eigen::Vector2f lateral_cells = Eigen::Vector2f::Zero();
+  DepthShot shot;
   /// Depth of the static surface in each cell, metres; kNoSurface, or kHole beyond the range of the
   /// sensor.
   cv::Mat_<float> surface_m;
@@ -53,20 +50,16 @@ class FreeSpaceMap {
   /// Adds an image; `dynamic`: one byte per cell, not 0 = taken for dynamic in it. `touching`: the
   /// same for cells whose surface goes on into what is dynamic; may be empty. Of a camera faster
   /// than 30 Hz not every image is kept. O(cells).
-  void add(double timestamp, const Eigen::Isometry3d& T_map_depth,
-           const Eigen::Vector2f& lateral_cells, const DepthCells& cells,
-           const std::vector<std::uint8_t>& dynamic,
+  void add(const DepthShot& shot, const DepthCells& cells, const std::vector<std::uint8_t>& dynamic,
            const std::vector<std::uint8_t>& touching = {}) {
-    if (count_ > 0 && timestamp - views_[newest_].timestamp < kLeastStepS) return;
+    if (count_ > 0 && shot.timestamp - views_[newest_].shot.timestamp < kLeastStepS) return;
     if (views_.size() < kCapacity) views_.resize(kCapacity);
     DepthKeyView& view = views_[next_];
     newest_ = next_;
     next_ = (next_ + 1) % kCapacity;
     count_ = std::min(count_ + 1, kCapacity);
-    view.timestamp = timestamp;
-    view.T_map_depth = T_map_depth;
-    view.lateral_cells = lateral_cells;
-    fill(timestamp, cells, dynamic, view);
+    view.shot = shot;
+    fill(shot.timestamp, cells, dynamic, view);
     view.alone.create(view.surface_m.size());
     for (std::size_t i = 0; i < cells.size(); ++i)
       view.alone.data[i] = touching.empty() || touching[i] == 0;
@@ -74,7 +67,7 @@ class FreeSpaceMap {
 
   /// Moves the newest image, once its pose is known better.
   void set_newest_pose(const Eigen::Isometry3d& T_map_depth) {
-    if (count_ > 0) views_[newest_].T_map_depth = T_map_depth;
+    if (count_ > 0) views_[newest_].shot.T_map_depth = T_map_depth;
   }
 
   /// The images nearest to the given ages at a time, each once, none older than the memory.
@@ -86,22 +79,20 @@ class FreeSpaceMap {
       const DepthKeyView* best = nullptr;
       for (std::size_t i = 0; i < count_; ++i) {
         const DepthKeyView& view = views_[i];
-        if (timestamp - view.timestamp > kMemoryS) continue;
-        if (!best || std::abs(timestamp - view.timestamp - age_s) <
-                         std::abs(timestamp - best->timestamp - age_s))
+        if (timestamp - view.shot.timestamp > kMemoryS) continue;
+        if (!best || std::abs(timestamp - view.shot.timestamp - age_s) <
+                         std::abs(timestamp - best->shot.timestamp - age_s))
           best = &view;
       }
       if (best && (found.empty() || found.back() != best)) found.push_back(best);
     }
   }
 
-  /// Labels the cells of a new image by what images of several ages saw. `lateral_cells` is how far
-  /// its surfaces may lie beside where they are drawn. O(cells x 6).
-  void judge(double timestamp, const Eigen::Isometry3d& T_map_depth,
-             const Eigen::Vector2f& lateral_cells, const DepthCells& cells, CellLabels& labels) {
+  /// Labels the cells of a new image by what images of several ages saw. O(cells x 6).
+  void judge(const DepthShot& shot, const DepthCells& cells, CellLabels& labels) {
     static constexpr std::array<double, 6> kAgesS = {1.6, 1.0, 0.6, 0.35, 0.2, 0.1};
     labels.reset(cells.block_px, cells.width, cells.height);
-    views_at(timestamp, kAgesS, compared_);
+    views_at(shot.timestamp, kAgesS, compared_);
     score_.assign(cells.size(), 0);
     settled_.assign(cells.size(), 0);
     alone_.assign(cells.size(), 0);
@@ -110,8 +101,8 @@ class FreeSpaceMap {
     most_m_s_.assign(cells.size(), 0);
     receding_views_ = 0;
     for (const DepthKeyView* view : compared_) {
-      const double age_s = timestamp - view->timestamp;
-      compare(*view, view->T_map_depth.inverse() * T_map_depth, view->lateral_cells + lateral_cells,
+      const double age_s = shot.timestamp - view->shot.timestamp;
+      compare(*view, shot,
               age_s > kRecedingFromS && age_s < kRecedingToS ? static_cast<float>(age_s) : 0,
               cells);
       if (age_s >= kSettledS)
@@ -180,10 +171,11 @@ class FreeSpaceMap {
   };
 
   // `receding_s`: the age of the view, if it is one to look for receding surfaces in.
-  void compare(const DepthKeyView& view, const Eigen::Isometry3d& T_view_now,
-               const Eigen::Vector2f& lateral_cells, float receding_s, const DepthCells& cells) {
-    const CellProjection projection(cells, T_view_now, sensor_);
-    const float* free_to_m = free_space(view, lateral_cells).ptr<float>();
+  void compare(const DepthKeyView& view, const DepthShot& shot, float receding_s,
+               const DepthCells& cells) {
+    const CellProjection projection(cells, shot, view.shot, sensor_);
+    const float* free_to_m =
+        free_space(view, view.shot.lateral_cells + shot.lateral_cells).ptr<float>();
     const std::size_t n = static_cast<std::size_t>(cells.width);
     row_.resize(n);
     receding_views_ += receding_s > 0;

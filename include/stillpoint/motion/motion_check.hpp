@@ -72,8 +72,8 @@ class MotionCheck {
     cells_.set(context.depth, block_px);
     if (cells_.size() == 0) return detector_.found();  // not one cell
     pose_.locate(context.frame.depth_time(), cells_, ego, map_);
-    if (map_.empty()) start_s_ = pose_.depth_s();
-    map_.judge(pose_.depth_s(), pose_.T_map_depth(), pose_.lateral_cells(), cells_, context.labels);
+    if (map_.empty()) start_s_ = pose_.shot().timestamp;
+    map_.judge(pose_.shot(), cells_, context.labels);
     label_outlier_corners(ego, context.labels);
     context.labels.find_wide_static();
     judged_ = true;
@@ -82,6 +82,8 @@ class MotionCheck {
 
   /// How long after its stamp the depth is taken, as far as the frames tell.
   const DepthDelay& delay() const { return pose_.delay(); }
+  /// How long it takes to read the depth out, row by row, as far as the frames tell.
+  const DepthReadout& readout() const { return pose_.readout(); }
 
   /// What the last find() returned.
   const std::vector<Instance>& found() const { return detector_.found(); }
@@ -104,14 +106,13 @@ class MotionCheck {
               static_cast<std::uint8_t>((row[x * b + b / 4] | row[x * b + b / 4 + b / 2]) != 0);
       }
     find_touching();
-    map_.add(pose_.depth_s(), pose_.T_map_depth(), pose_.lateral_cells(), cells_, dynamic_,
-             touching_);
+    map_.add(pose_.shot(), cells_, dynamic_, touching_);
   }
 
   /// To be called after `ego` was given the host's pose of the last frame.
   void correct(const EgoMotion& ego) {
     if (!judged_ || ego.chain() != chain_) return;
-    if (pose_.correct(ego)) map_.set_newest_pose(pose_.T_map_depth());
+    if (pose_.correct(ego)) map_.set_newest_pose(pose_.shot().T_map_depth);
   }
 
   /// Forgets everything (a cut in the sequence).
@@ -178,7 +179,7 @@ class MotionCheck {
     const Eigen::Isometry3d& seen = ego.measured()->T_current_last;
     const double rad_s = ego.angular_velocity().norm();
     const double smeared_share = kReadoutError * sensor_.readout_s * rad_s;
-    const bool once_is_enough = rad_s < kStillRadS || pose_.depth_s() - start_s_ < kStartS;
+    const bool once_is_enough = rad_s < kStillRadS || pose_.shot().timestamp - start_s_ < kStartS;
     for (const CameraMotion::OutlierCorner& corner : ego.images().outlier_clusters(
              seen, ego.trusted_prediction().value_or(seen), smeared_share)) {
       const int cx = static_cast<int>(corner.u * per_cell);

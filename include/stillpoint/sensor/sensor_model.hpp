@@ -26,9 +26,10 @@ struct SensorModel {
   /// Differences within so many standard deviations mean nothing.
   double sigmas = 4;
   /// Standard deviation of the time between the color's and the depth's exposure that their stamps
-  /// do not tell, seconds.
+  /// do not tell, seconds. Counts until the frames have told it (DelayEstimate).
   double delay_s = 0.006;
-  /// Time from the first to the last row of an image (rolling shutter), seconds.
+  /// Time from the first to the last row of an image (rolling shutter), seconds. That of the depth
+  /// counts until the frames have told it (ReadoutEstimate).
   double readout_s = 0.03;
   /// Least distance that is measured, metres.
   double min_range_m = 0.3;

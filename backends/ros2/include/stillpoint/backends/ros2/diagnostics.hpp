@@ -46,6 +46,7 @@ class Diagnostics {
     most_latency_ms_ = std::max(most_latency_ms_, 1e3 * latency_s);
     mask_age_s_ = stats.mask_age_s;
     depth_delay_s_ = stats.depth_delay_s;
+    depth_readout_s_ = stats.depth_readout_s;
     for (const std::string& name : status_names(stats.status)) ++status_[name];
   }
 
@@ -117,6 +118,7 @@ class Diagnostics {
     add("depth fusion (ms)", text(depth_ms_ / n));
     add("age of the segmentation (s)", text(mask_age_s_));
     add("delay of the depth (ms)", text(1000 * depth_delay_s_));
+    add("read-out of the depth (ms)", text(1000 * depth_readout_s_));
     total("color images", counts.color);
     total("frames", counts.frames);
     total("frames without depth", counts.without_depth);
@@ -134,6 +136,7 @@ class Diagnostics {
   double latency_ms_ = 0, most_latency_ms_ = 0;
   double mask_age_s_ = std::numeric_limits<double>::infinity();
   double depth_delay_s_ = std::numeric_limits<double>::quiet_NaN();
+  double depth_readout_s_ = std::numeric_limits<double>::quiet_NaN();
   std::map<std::string, std::uint64_t> status_;
   SynchronizerCounts counts_;
 };
