@@ -74,8 +74,7 @@ class DepthPose {
     last_rad_s_ = rotation_rad_s;
     ego_at_depth_ = ego_now;
     const double spread_s = delay().known() ? delay().spread_s : sensor_.delay_s;
-    const double row_s = readout().known() ? readout().error_s : sensor_.readout_s;
-    const double timing_s = std::hypot(spread_s, row_s / std::sqrt(12.0));
+    const double timing_s = std::hypot(spread_s, sensor_.readout_s / std::sqrt(12.0));
     shot_.lateral_cells = cells_per_second(cells, rotation_rad_s) *
                           static_cast<float>(timing_s * (registered_ ? kLeftOfTiming : 1));
   }

@@ -119,6 +119,7 @@ class DepthRegistration {
     if (!(q.z() > static_cast<float>(sensor_.min_range_m))) return;
     float inverse = 1 / q.z();
     Eigen::Vector2f cell = cells.cell(q.x() * inverse, q.y() * inverse);
+    // The view's row was read out while its camera rotated: it lies so far beside, per second.
     const Eigen::Vector3f turned = cells.row_share(cell.y()) * view.shot.rad_s.cross(q);
     if (view.shot.is_skewed()) {
       q -= view.shot.readout_s * turned;

@@ -28,8 +28,8 @@ struct SensorModel {
   /// Standard deviation of the time between the color's and the depth's exposure that their stamps
   /// do not tell, seconds. Counts until the frames have told it (DelayEstimate).
   double delay_s = 0.006;
-  /// Time from the first to the last row of an image (rolling shutter), seconds. That of the depth
-  /// counts until the frames have told it (ReadoutEstimate).
+  /// Time from the first to the last row of an image (rolling shutter), seconds: how much is allowed
+  /// for it. That of the depth is estimated besides (ReadoutEstimate).
   double readout_s = 0.03;
   /// Least distance that is measured, metres.
   double min_range_m = 0.3;
