@@ -22,8 +22,9 @@ namespace stillpoint {
 
 /// Where the depth camera is in the map of free space: predicted by the ego-motion, and registered
 /// by the depth itself (DepthRegistration), which knows nothing of stamps. How the two differ while
-/// the camera rotates tells how long after its stamp the depth is taken (DelayEstimate), and that
-/// is taken into account from then on.
+/// the camera rotates tells how long after its stamp the depth is taken (DelayEstimate), and how
+/// its rows lie beside each other how long they are read out (ReadoutEstimate). Both are taken into
+/// account from then on.
 ///
 /// Depth does not tell the displacement along a wall, so a large mover before a wall drags the
 /// registered pose along, a little in each frame. The ego-motion, which sees the wall's texture,
