@@ -125,9 +125,12 @@ std::string summary_text(const Json& stats) {
     lines.add("depth", "taken " + fixed(std::abs(delay_ms), 0) + " ms " +
                            (delay_ms < 0 ? "before" : "after") + " its stamp, as color sees it");
   }
-  if (stats.contains("depth_readout_s"))
-    lines.add("depth", "read out in " + fixed(1000 * number_at(stats, "depth_readout_s"), 0) +
-                           " ms, from the first to the last row");
+  if (stats.contains("depth_readout_s")) {
+    const double readout_ms = 1000 * number_at(stats, "depth_readout_s");
+    lines.add("depth", "read out in " + fixed(std::abs(readout_ms), 0) + " ms, " +
+                           (readout_ms < 0 ? "from the last to the first row"
+                                           : "from the first to the last row"));
+  }
   std::string status;
   for (const auto& [name, n] : stats["status"].items())
     status += (status.empty() ? "" : ", ") + name + " " + n.dump();

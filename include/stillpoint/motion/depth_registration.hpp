@@ -14,6 +14,7 @@
 #include "stillpoint/core/normal_equations.hpp"
 #include "stillpoint/core/rigid_motion.hpp"
 #include "stillpoint/motion/depth_cells.hpp"
+#include "stillpoint/motion/depth_shot.hpp"
 #include "stillpoint/motion/free_space_map.hpp"
 #include "stillpoint/sensor/sensor_model.hpp"
 
@@ -47,16 +48,14 @@ class DepthRegistration {
     static constexpr std::array<double, 3> kAgesS = {1.6, 0.5, 0.05};
     map.views_at(shot.timestamp, kAgesS, views_);
     take_points(cells, shot);
-    rotates_ = shot.rad_s.squaredNorm() > kLeastRadS * kLeastRadS;
-    const Eigen::Isometry3d& prior = shot.T_map_depth;
     Result result;
-    result.T_map_depth = prior;
+    result.T_map_depth = shot.T_map_depth;
     for (int i = 0; i < kSteps; ++i) {
       // From far few agree exactly, and few points are enough.
       compare(cells, result.T_map_depth, i == 0 ? 3.0f : i == 1 ? 2.0f : 1.0f, i < 2 ? 2 : 1);
       if (weight_.size() < kFewest) return std::nullopt;
       result.fit = static_cast<double>(agreeing_) / static_cast<double>(compared_);
-      const double step = improve(prior, rotation_sigma, translation_sigma_m, result);
+      const double step = improve(shot, rotation_sigma, translation_sigma_m, result);
       if (!(step < kMostStep)) return std::nullopt;
       if (i >= 2 && step < kTinyStep) break;
     }
@@ -160,7 +159,7 @@ class DepthRegistration {
   }
 
   // One step; its size.
-  double improve(const Eigen::Isometry3d& prior, double rotation_sigma, double translation_sigma_m,
+  double improve(const DepthShot& shot, double rotation_sigma, double translation_sigma_m,
                  Result& result) const {
     Eigen::Isometry3d& T = result.T_map_depth;
     Eigen::Matrix<float, 6, 6> sum = Eigen::Matrix<float, 6, 6>::Zero();
@@ -174,7 +173,7 @@ class DepthRegistration {
         kIndependent / (static_cast<double>(kUsualArea) * static_cast<double>(weight_.size()));
     Eigen::Matrix<double, 6, 6> H = sum.cast<double>() * per;
     Eigen::Matrix<double, 6, 1> g = right.cast<double>() * per;
-    const Eigen::Isometry3d off = prior.inverse() * T;
+    const Eigen::Isometry3d off = shot.T_map_depth.inverse() * T;
     const double of_t = 1 / (translation_sigma_m * translation_sigma_m);
     const double of_r = 1 / (rotation_sigma * rotation_sigma);
     H.diagonal().head<3>().array() += of_t;
@@ -183,7 +182,8 @@ class DepthRegistration {
     g.tail<3>() += of_r * detail::rotation_vector(off.linear());
     const auto solved = detail::solve_normal_equations<6>(H, -g);
     if (!solved) return std::numeric_limits<double>::infinity();
-    if (rotates_) measure_readout(H, *solved, per, result);
+    if (shot.rad_s.squaredNorm() > kLeastRadS * kLeastRadS)
+      measure_readout(H, *solved, per, result);
     T = T * detail::motion_of_step(*solved);
     detail::normalize_rotation(T);
     return solved->norm();
@@ -217,7 +217,6 @@ class DepthRegistration {
   SensorModel sensor_;
   std::vector<const DepthKeyView*> views_;
   std::vector<Point> points_;
-  bool rotates_ = false;
   std::size_t compared_ = 0, agreeing_ = 0;
   std::vector<float> error_, weight_, readout_slope_;
   std::vector<Vector6f> slopes_;

@@ -3,7 +3,6 @@
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
-#include <cmath>
 
 namespace stillpoint {
 
@@ -20,7 +19,9 @@ struct DepthShot {
   float readout_s = 0;
 
   /// Whether rows lie beside each other by what matters.
-  bool is_skewed() const { return std::abs(readout_s) * rad_s.norm() > kLeastSkew; }
+  bool is_skewed() const {
+    return readout_s * readout_s * rad_s.squaredNorm() > kLeastSkew * kLeastSkew;
+  }
   /// Maps points that a row saw into the camera of the middle row. `row` from -0.5 (first) to 0.5.
   Eigen::Matrix3f middle_of_row(float row) const {
     const Eigen::Vector3f a = row * readout_s * rad_s;
