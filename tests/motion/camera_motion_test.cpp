@@ -80,6 +80,16 @@ std::optional<CameraMotion::Estimate> add(CameraMotion& motion, const RgbdFrame&
   return motion.add(context, guess);
 }
 
+// The outlier corners of the frame that was added last.
+std::vector<CameraMotion::OutlierCorner> outliers(
+    CameraMotion& motion, const RgbdFrame& frame, const Eigen::Isometry3d& T,
+    const std::optional<Eigen::Isometry3d>& another = std::nullopt,
+    const Camera& camera = small_camera()) {
+  FrameContext context;
+  context.begin(frame, camera);
+  return motion.outlier_clusters(context.depth, T, another, 0);
+}
+
 double turn_deg(const Eigen::Isometry3d& T) {
   return Eigen::AngleAxisd(T.linear()).angle() * 180 / 3.14159265358979;
 }
@@ -88,13 +98,14 @@ TEST(CameraMotion, MeasuresTheMotionInAStaticWorld) {
   const Eigen::Isometry3d first = pose(0, 0, 0), second = pose(0.015, -0.005, 0.75);
   CameraMotion motion;
   EXPECT_FALSE(add(motion, render(0, first), Eigen::Isometry3d::Identity()).has_value());
-  const auto found = add(motion, render(0.03, second), Eigen::Isometry3d::Identity());
+  const RgbdFrame frame = render(0.03, second);
+  const auto found = add(motion, frame, Eigen::Isometry3d::Identity());
   ASSERT_TRUE(found.has_value());
   const Eigen::Isometry3d error = found->T_current_last * (second.inverse() * first).inverse();
   EXPECT_LT(error.translation().norm(), 0.004);
   EXPECT_LT(turn_deg(error), 0.08);
   EXPECT_GT(found->support, 0.8);
-  EXPECT_TRUE(motion.outlier_clusters(found->T_current_last, found->T_current_last, 0).empty());
+  EXPECT_TRUE(outliers(motion, frame, found->T_current_last).empty());
 }
 
 TEST(CameraMotion, KeepsToTheWallAlthoughTheHostGoesWithAPersonCloseBy) {
@@ -103,17 +114,18 @@ TEST(CameraMotion, KeepsToTheWallAlthoughTheHostGoesWithAPersonCloseBy) {
   const Eigen::Isometry3d with_board = pose(0.1, 0, 0).inverse();
   CameraMotion motion;
   add(motion, render(0, first, 0.0), Eigen::Isometry3d::Identity());
-  const auto found = add(motion, render(0.03, second, -0.05), with_board);
+  const RgbdFrame frame = render(0.03, second, -0.05);
+  const auto found = add(motion, frame, with_board);
   ASSERT_TRUE(found.has_value());
   const Eigen::Isometry3d error = found->T_current_last * second;
   EXPECT_LT(error.translation().norm(), 0.004);
   EXPECT_LT(motion.support(with_board), found->support - 0.3);
 
-  const auto& outliers = motion.outlier_clusters(found->T_current_last, found->T_current_last, 0);
-  EXPECT_GT(outliers.size(), 10u);
-  for (const CameraMotion::OutlierCorner& d : outliers) EXPECT_LT(d.depth_m, 1.5);
+  const auto of_board = outliers(motion, frame, found->T_current_last);
+  EXPECT_GT(of_board.size(), 10u);
+  for (const CameraMotion::OutlierCorner& d : of_board) EXPECT_LT(d.depth_m, 1.5);
   // Who follows the board is believed that the board stands still.
-  EXPECT_TRUE(motion.outlier_clusters(found->T_current_last, with_board, 0).empty());
+  EXPECT_TRUE(outliers(motion, frame, found->T_current_last, with_board).empty());
 }
 
 // The room lies beyond the range of the sensor, but for a floor and a ceiling without a corner; a
@@ -197,16 +209,16 @@ TEST(CameraMotion, TreatsImagesOfAllSizesAlike) {
     const Camera camera = enlarged(factor);
     CameraMotion motion;
     add(motion, render(0, first, 0.0, 0.22, camera), Eigen::Isometry3d::Identity(), camera);
-    const auto found = add(motion, render(0.03, second, -0.02, 0.22, camera),
-                           Eigen::Isometry3d::Identity(), camera);
+    const RgbdFrame frame = render(0.03, second, -0.02, 0.22, camera);
+    const auto found = add(motion, frame, Eigen::Isometry3d::Identity(), camera);
     EXPECT_GT(motion.followed(), 80u);
     ASSERT_TRUE(found.has_value());
     const Eigen::Isometry3d error = found->T_current_last * (second.inverse() * first).inverse();
     EXPECT_LT(error.translation().norm(), 0.004);
     EXPECT_LT(turn_deg(error), 0.08);
-    const auto& outliers = motion.outlier_clusters(found->T_current_last, found->T_current_last, 0);
-    EXPECT_GT(outliers.size(), 10u);
-    for (const CameraMotion::OutlierCorner& d : outliers) EXPECT_LT(d.depth_m, 1.5);
+    const auto of_board = outliers(motion, frame, found->T_current_last, std::nullopt, camera);
+    EXPECT_GT(of_board.size(), 10u);
+    for (const CameraMotion::OutlierCorner& d : of_board) EXPECT_LT(d.depth_m, 1.5);
   }
 }
 
@@ -225,10 +237,11 @@ TEST(CameraMotion, FindsOutlierClustersThatAreMostOfTheCorners) {
   CameraMotion motion;
   add(motion, render(0, first, 0.0, 0.38), Eigen::Isometry3d::Identity());
   const Eigen::Isometry3d truth = second.inverse();
-  const auto found = add(motion, render(0.03, second, -0.02, 0.38), truth);
+  const RgbdFrame frame = render(0.03, second, -0.02, 0.38);
+  const auto found = add(motion, frame, truth);
   ASSERT_TRUE(found.has_value());
   EXPECT_LT((found->T_current_last * second).translation().norm(), 0.004);
-  EXPECT_GT(2 * motion.outlier_clusters(truth, truth, 0).size(), motion.followed());
+  EXPECT_GT(2 * outliers(motion, frame, truth).size(), motion.followed());
 }
 
 // A person has the strongest corners, and most of them.
@@ -265,9 +278,10 @@ TEST(CameraMotion, DoesNotBelieveWhatSlidesAlongAnEdge) {
     const Eigen::Isometry3d first = pose(0, 0, 0), second = pose(0.004 + 0.001 * i, 0, 0.1);
     CameraMotion motion;
     add(motion, board_with_an_edge(0.01 * i, first), Eigen::Isometry3d::Identity());
-    add(motion, board_with_an_edge(0.01 * i + 0.5, second), Eigen::Isometry3d::Identity());
+    const RgbdFrame frame = board_with_an_edge(0.01 * i + 0.5, second);
+    add(motion, frame, Eigen::Isometry3d::Identity());
     const Eigen::Isometry3d truth = second.inverse() * first;
-    alone += static_cast<int>(motion.outlier_clusters(truth, truth, 0).size());
+    alone += static_cast<int>(outliers(motion, frame, truth).size());
   }
   EXPECT_LT(alone, 12) << "25 if every error counts in full";
 }
@@ -351,7 +365,7 @@ TEST(CameraMotion, SaysNothingWhereThereIsNothingToFollow) {
   without.depth.release();
   EXPECT_FALSE(add(motion, without, T).has_value());
   EXPECT_EQ(motion.support(T), 0);
-  EXPECT_TRUE(motion.outlier_clusters(T, T, 0).empty());
+  EXPECT_TRUE(outliers(motion, without, T).empty());
 }
 
 // Mask of what the check found in the last of some frames, where a board goes to the left and a

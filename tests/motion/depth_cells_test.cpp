@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cstdint>
 #include <opencv2/core.hpp>
 
 #include "small_camera.hpp"
@@ -57,6 +58,41 @@ TEST(DepthCells, AreTornByStepsWhateverTheNoise) {
 TEST(DepthCells, AreTornBySmallStepsWhereThereIsLittleNoise) {
   EXPECT_EQ(whole_share(cells_of(4, 0.35, 0.0015), true), 0);
   EXPECT_GT(whole_share(cells_of(4, 0.1, 0.0015), true), 0.5);
+}
+
+// Blocks of any size: a slope with holes, a block without depth and a step. Of each block every
+// second pixel of every second row counts.
+TEST(DepthCells, AreTheMeansOfTheirPixels) {
+  for (const int block : {2, 4, 6, 8, 10, 16, 64}) {
+    SCOPED_TRACE(block);
+    RgbdFrame frame;
+    frame.color = cv::Mat(200, 300, CV_8UC1, cv::Scalar(100));
+    frame.depth = cv::Mat(200, 300, CV_16UC1);
+    cv::RNG random(3);
+    for (int y = 0; y < 200; ++y)
+      for (int x = 0; x < 300; ++x)
+        frame.depth.at<std::uint16_t>(y, x) = static_cast<std::uint16_t>(
+            x < 70 && y < 70 || random.uniform(0, 3) == 0 ? 0 : (x < 200 ? 2000 : 3000) + x / 4);
+    FrameContext context;
+    context.begin(frame, small_camera());
+    DepthCells cells;
+    cells.set(context.depth, block);
+    ASSERT_EQ(cells.width, 300 / block);
+    ASSERT_EQ(cells.height, 200 / block);
+    for (int cy = 0; cy < cells.height; ++cy)
+      for (int cx = 0; cx < cells.width; ++cx) {
+        double sum = 0;
+        int n = 0, all = 0, far = 0;
+        for (int y = cy * block + 1; y < (cy + 1) * block; y += 2)
+          for (int x = cx * block + 1; x < (cx + 1) * block; x += 2) {
+            const int z = frame.depth.at<std::uint16_t>(y, x);
+            ++all, n += z > 0, sum += z, far += z > 0 && x >= 200;
+          }
+        const double mean_m = sum / n * metres_per_unit(frame);
+        const double expected = n == 0 ? -1 : 2 * n < all ? 0 : far > 0 && far < n ? 0 : mean_m;
+        EXPECT_NEAR(cells.depth_m[cells.index(cx, cy)], expected, 1e-5) << cx << ", " << cy;
+      }
+  }
 }
 
 }  // namespace

@@ -283,6 +283,29 @@ TEST_F(FreeSpace, FindsWhoGoesStraightAwayButNotWhatComesIntoView) {
   EXPECT_EQ(labels[wall(4).index(15, 14)], CellLabel::kUnknown);
 }
 
+// Six images, 1.6 to 0.1 s old, of a wall that was hidden, or away, in some of them.
+TEST_F(FreeSpace, BelievesTheOldestImages) {
+  const std::vector<std::uint8_t> none(wall(4).size(), 0);
+  const std::vector<double> ages_s = {1.6, 1.0, 0.6, 0.35, 0.2, 0.1};
+  const auto label = [&](const std::vector<float>& seen_m) {
+    map_.clear();
+    for (std::size_t i = 0; i < ages_s.size(); ++i)
+      map_.add({2 - ages_s[i], Eigen::Isometry3d::Identity(), kExact}, wall(seen_m[i]), none);
+    CellLabels labels;
+    map_.judge({2, Eigen::Isometry3d::Identity(), kExact}, wall(3), labels);
+    const std::size_t middle = wall(3).index(15, 14);
+    EXPECT_TRUE(labels.seen(middle));
+    EXPECT_EQ(map_.settled(middle), labels[middle] != CellLabel::kMoved);
+    return labels[middle];
+  };
+  EXPECT_EQ(label({3, 3, 3, 3, 3, 3}), CellLabel::kStatic);
+  EXPECT_EQ(label({4, 3, 3, 3, 3, 3}), CellLabel::kMoved) << "it has come and stayed";
+  EXPECT_EQ(label({2, 2, 2, 2, 2, 4}), CellLabel::kMoved) << "free once, and never the same";
+  EXPECT_EQ(label({3, 3, 3, 4, 4, 4}), CellLabel::kStatic) << "it was away for a moment";
+  EXPECT_EQ(label({2, 3, 3, 2, 4, 2}), CellLabel::kUnknown) << "as often free as filled";
+  EXPECT_EQ(label({2, 3, 2, 4, 4, 2}), CellLabel::kMoved);
+}
+
 TEST_F(FreeSpace, RemembersSecondsNotFrames) {
   const std::vector<std::uint8_t> none(wall(4).size(), 0);
   for (const double hz : {10.0, 30.0, 60.0, 90.0}) {

@@ -103,7 +103,8 @@ class DepthMaskFuser {
     for (const bool movers : {false, true})
       for (Instance& s : fused_) {
         if (s.class_name.empty() != movers) continue;
-        if (use_depth && !(movers && take_what_was_found(s))) find_mask(context.labels, s);
+        if (use_depth && movers && take_what_was_found(s)) continue;
+        if (use_depth) find_mask(context.labels, s);
         detail::add_to_mask(s, undilated_);
       }
   }

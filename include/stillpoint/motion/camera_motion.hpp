@@ -90,24 +90,25 @@ class CameraMotion {
     float u, v, depth_m;
   };
 
-  /// The corners in clusters that move otherwise than either of two motions says (the same one
-  /// twice, where there is one): off by over 1.3 pixels (of 640 in a row), four times the median by
-  /// area, and `smeared_share` (blur, shutter) of their own displacement, with at least
-  /// four others within 0.3 m that move alike, and more than do not. O(corners squared).
-  const std::vector<OutlierCorner>& outlier_clusters(const Eigen::Isometry3d& T_current_last,
-                                                     const Eigen::Isometry3d& another,
-                                                     double smeared_share) {
+  /// The corners in clusters that move otherwise than a motion says, and than another one if there
+  /// is one: off by over 1.3 pixels (of 640 in a row), four times the median by area, and
+  /// `smeared_share` (blur, shutter) of their own displacement, with at least
+  /// four others within 0.3 m that move alike, and more than do not. None lies at an edge of
+  /// `depth`, that of the frame last added. O(corners squared).
+  const std::vector<OutlierCorner>& outlier_clusters(
+      const DepthView& depth, const Eigen::Isometry3d& T_current_last,
+      const std::optional<Eigen::Isometry3d>& another, double smeared_share) {
     outliers_.clear();
     const std::vector<Flow>& flows = consensus_.flows();
     if (flows.empty()) return outliers_;
-    const float limit_another = measure_errors(another);
-    other_errors_ = errors_;
+    const float limit_another = another ? measure_errors(*another) : 0;
+    std::swap(errors_, other_errors_);
     const float limit = measure_errors(T_current_last);
     const float per_px = std::max(kBlurError, static_cast<float>(smeared_share));
     for (std::size_t i = 0; i < flows.size(); ++i) {
       const float size = error_size(i, errors_);
       if (size < std::max(limit, per_px * length_px(flows[i])) ||
-          error_size(i, other_errors_) < limit_another || !flows[i].smooth)
+          (another && error_size(i, other_errors_) < limit_another) || !is_smooth(flows[i], depth))
         continue;
       int with = 0, against = 0;
       for (std::size_t j = 0; j < flows.size(); ++j) {
@@ -214,10 +215,15 @@ class CameraMotion {
     f.area = c.dynamic ? 0 : std::min(c.depth_m, 4.0f) * std::min(c.depth_m, 4.0f);
     const int u = static_cast<int>(f.u + 0.5f), v = static_cast<int>(f.v + 0.5f);
     f.depth_m = current_.whole_depth(depth, u, v);
-    f.smooth = f.depth_m > 0 && current_.is_whole(depth, u, v, CornerImage::kFar);
     // Of two measurements, the corner's in the last frame and this one.
     f.depth_tolerance_m = std::sqrt(2.0f) * sensor_.least_step_m(f.depth_m);
     consensus_.add(f);
+  }
+
+  // No depth edge in all of its patch.
+  bool is_smooth(const Flow& f, const DepthView& depth) const {
+    return f.depth_m > 0 && current_.is_whole(depth, static_cast<int>(f.u + 0.5f),
+                                              static_cast<int>(f.v + 0.5f), CornerImage::kFar);
   }
 
   // How far apart two rotations put a corner, fine pixels.

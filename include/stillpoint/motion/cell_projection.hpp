@@ -17,7 +17,7 @@ namespace stillpoint {
 /// only, so that compilers make vector instructions of it.
 class CellProjection {
  public:
-  /// Depth of a cell that was not measured or lies too near, metres: beyond everything.
+  /// Depth of a cell that lies too near, metres: beyond everything.
   static constexpr float kBeyond = 1e9f;
 
   CellProjection(const DepthCells& cells, const DepthShot& now, const DepthShot& view,
@@ -32,13 +32,12 @@ class CellProjection {
         slope2_(square(sensor, sensor.depth_slope)),
         square2_(square(sensor, sensor.depth_square)) {}
 
-  /// Of a row of cells: the cell that each falls on (at the rim, if it falls beside the image), its
-  /// depth there in metres, and the square of the least step that is not noise there.
-  void row(int y, int* cell, float* z, float* least_step2) const {
-    const std::size_t first = cells_.index(0, y);
-    const Eigen::Isometry3f T = skewed_ ? of_row(y) : T_view_now_;
-    project(T, &cells_.ray_x[first], &cells_.ray_y[first], &cells_.depth_m[first], cell, z,
-            least_step2);
+  /// Of n cells of row y, with their rays and their depth in metres: the cell that each falls on
+  /// (at the rim, if it falls beside the image), its depth there in metres, and the square of the
+  /// least step that is not noise there.
+  void row(int y, std::size_t n, const float* ray_x, const float* ray_y, const float* depth_m,
+           int* cell, float* z, float* least_step2) const {
+    project(skewed_ ? of_row(y) : T_view_now_, n, ray_x, ray_y, depth_m, cell, z, least_step2);
   }
 
  private:
@@ -59,7 +58,7 @@ class CellProjection {
     return view_.middle_of_row(row).transpose() * T;
   }
 
-  void project(const Eigen::Isometry3f& T, const float* STILLPOINT_RESTRICT ray_x,
+  void project(const Eigen::Isometry3f& T, std::size_t n, const float* STILLPOINT_RESTRICT ray_x,
                const float* STILLPOINT_RESTRICT ray_y, const float* STILLPOINT_RESTRICT depth,
                int* STILLPOINT_RESTRICT cell, float* STILLPOINT_RESTRICT z,
                float* STILLPOINT_RESTRICT least_step2) const {
@@ -73,7 +72,7 @@ class CellProjection {
     const int width = cells_.width;
     const float right = static_cast<float>(width) - 1;
     const float bottom = static_cast<float>(cells_.height) - 1;
-    for (int i = 0; i < width; ++i) {
+    for (std::size_t i = 0; i < n; ++i) {
       const float a = ray_x[i], b = ray_y[i], d = depth[i];
       const float pz = (r20 * a + r21 * b + r22) * d + tz, inverse = 1 / pz;
       const float x = ((r00 * a + r01 * b + r02) * d + tx) * inverse;
@@ -87,8 +86,7 @@ class CellProjection {
       const float column = from_left < right ? from_left : right;
       const float line = from_top < bottom ? from_top : bottom;
       cell[i] = static_cast<int>(line) * width + static_cast<int>(column);
-      const float measured = d > 0 ? pz : kBeyond;
-      z[i] = pz < nearest ? kBeyond : measured;
+      z[i] = pz < nearest ? kBeyond : pz;
       const float zz = pz * pz;
       least_step2[i] = floor2 + zz * (slope2 + zz * square2);
     }

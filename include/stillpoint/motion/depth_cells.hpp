@@ -34,9 +34,9 @@ struct DepthCells {
   std::size_t size() const {
     return static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
   }
+  std::size_t row_size() const { return static_cast<std::size_t>(width); }
   std::size_t index(int x, int y) const {
-    return static_cast<std::size_t>(y) * static_cast<std::size_t>(width) +
-           static_cast<std::size_t>(x);
+    return static_cast<std::size_t>(y) * row_size() + static_cast<std::size_t>(x);
   }
 
   /// Where a row of cells lies in the image, from -0.5 (the first) to 0.5 (the last).
@@ -85,6 +85,7 @@ struct DepthCells {
   // Fills depth_m. `noise`: see kUsualNoise; what it spreads does not tear a cell.
   void measure(const DepthView& depth, float noise) {
     spread_.clear();
+    spread_.reserve(size());
     // With a number that the compiler knows, short loops become plain code.
     if (block_px == 8)
       measure_blocks(depth, 4, noise);
@@ -94,18 +95,42 @@ struct DepthCells {
 
   // Of every second pixel of every second row, `side` each.
   STILLPOINT_ALWAYS_INLINE void measure_blocks(const DepthView& depth, int side, float noise) {
-    const std::size_t stride = depth.image().step1();
-    for (int y = 0; y < height; ++y)
-      for (int x = 0; x < width; ++x)
-        depth_m[index(x, y)] = block_depth(depth.row(y * block_px) + x * block_px, stride, side,
-                                           depth.metres_per_unit_value(), noise);
+    const std::size_t samples = static_cast<std::size_t>(side), n = samples * row_size();
+    for (int y = 0; y < height; ++y) {
+      lo_.assign(n, 65535), hi_.assign(n, 0), count_.assign(n, 0), sum_.assign(n, 0);
+      for (int k = 0; k < side; ++k)
+        add_row(depth.row(y * block_px + 2 * k + 1) + 1, n, lo_.data(), hi_.data(), count_.data(),
+                sum_.data());
+      for (std::size_t x = 0; x < row_size(); ++x)
+        depth_m[index(0, y) + x] =
+            block_depth(x * samples, samples, depth.metres_per_unit_value(), noise);
+    }
   }
 
-  // The noise of this frame's pixels (see kUsualNoise); 0 where too little is far enough away.
+  // Adds every second pixel of a row to the columns of a row of cells. Without branches, as a loop
+  // of vector instructions.
+  static void add_row(const std::uint16_t* row, std::size_t n,
+                      std::uint16_t* STILLPOINT_RESTRICT lo, std::uint16_t* STILLPOINT_RESTRICT hi,
+                      std::uint16_t* STILLPOINT_RESTRICT count,
+                      std::uint32_t* STILLPOINT_RESTRICT sum) {
+    for (std::size_t i = 0; i < n; ++i) {
+      const std::uint16_t z = row[2 * i], before = static_cast<std::uint16_t>(z - 1);
+      lo[i] = before < lo[i] ? before : lo[i];
+      hi[i] = z > hi[i] ? z : hi[i];
+      count[i] = static_cast<std::uint16_t>(count[i] + (z != 0));
+      sum[i] += z;
+    }
+  }
+
+  // The noise of this frame's pixels (see kUsualNoise), or that as far as it is no more; 0 where
+  // too little is far enough away.
   float pixel_noise() {
     if (spread_.size() < kFewestCells) return 0;
     const auto facing = spread_.begin() +
                         static_cast<std::ptrdiff_t>(kFacing * static_cast<double>(spread_.size()));
+    const auto usual = std::count_if(spread_.begin(), spread_.end(),
+                                     [](float spread) { return spread <= kUsualNoise; });
+    if (usual > facing - spread_.begin()) return kUsualNoise;  // or less; found faster
     std::nth_element(spread_.begin(), facing, spread_.end());
     return *facing;
   }
@@ -130,27 +155,26 @@ struct DepthCells {
       }
   }
 
-  STILLPOINT_ALWAYS_INLINE float block_depth(const std::uint16_t* first, std::size_t stride,
-                                             int side, float to_m, float noise) {
-    const int samples = side * side;
-    unsigned lo = 65535, hi = 0, n = 0, sum = 0;  // lo: one less, so that 0 is the highest
-    for (int y = 0; y < side; ++y) {
-      const std::uint16_t* row = first + static_cast<std::size_t>(2 * y + 1) * stride + 1;
-      for (int x = 0; x < side; ++x, row += 2) {
-        const unsigned z = *row;
-        lo = std::min(lo, (z - 1) & 65535u), hi = std::max(hi, z);
-        n += z != 0, sum += z;
-      }
+  // Of a cell that begins at a column.
+  STILLPOINT_ALWAYS_INLINE float block_depth(std::size_t first, std::size_t side, float to_m,
+                                             float noise) {
+    unsigned lo = 65535, hi = 0, n = 0, sum = 0;
+    for (std::size_t i = first; i < first + side; ++i) {
+      lo = std::min<unsigned>(lo, lo_[i]), hi = std::max<unsigned>(hi, hi_[i]);
+      n += count_[i], sum += sum_[i];
     }
     if (n == 0) return -1;
-    if (static_cast<int>(2 * n) < samples) return 0;
+    if (2 * n < side * side) return 0;
     const float near = static_cast<float>(lo + 1) * to_m, far = static_cast<float>(hi) * to_m;
-    if (static_cast<int>(n) == samples && near > kNoiseFromM)
-      spread_.push_back((far - near) / (near * near));
+    if (n == side * side && near > kNoiseFromM) spread_.push_back((far - near) / (near * near));
     const float whole = std::max(0.03f + 0.05f * near, kMostSpread * noise * near * near);
     return far - near < whole ? static_cast<float>(sum) / static_cast<float>(n) * to_m : 0;
   }
 
+  // Of each column of a row of cells: the least depth (one less, so that 0, no measurement, is the
+  // highest), the greatest one, how many there are, and their sum, in units.
+  std::vector<std::uint16_t> lo_, hi_, count_;
+  std::vector<std::uint32_t> sum_;
   std::vector<float> spread_;  // of far cells, over z^2
 };
 

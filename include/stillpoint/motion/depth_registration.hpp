@@ -14,6 +14,7 @@
 #include "stillpoint/core/normal_equations.hpp"
 #include "stillpoint/core/rigid_motion.hpp"
 #include "stillpoint/motion/depth_cells.hpp"
+#include "stillpoint/motion/depth_key_view.hpp"
 #include "stillpoint/motion/depth_shot.hpp"
 #include "stillpoint/motion/free_space_map.hpp"
 #include "stillpoint/sensor/sensor_model.hpp"

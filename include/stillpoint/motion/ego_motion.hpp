@@ -184,7 +184,7 @@ class EgoMotion {
   void measure(const FrameContext& context) {
     measured_.reset();
     if (!settings_.measure) return;
-    if (context.depth.empty()) return camera_motion_.reset();
+    if (!context.depth.any_measured()) return camera_motion_.reset();
     const Eigen::Isometry3d guess = predicted_ ? *predicted_
                                     : motion_  ? *motion_
                                                : Eigen::Isometry3d::Identity();

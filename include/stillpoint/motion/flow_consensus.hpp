@@ -29,7 +29,6 @@ struct Flow {
   /// Information of the patch, scaled so that its greater eigenvalue is 1: e^T information e is the
   /// square of an error without its part along an edge, which the patch cannot tell.
   Eigen::Matrix2f information;
-  bool smooth;  ///< no depth edge in all of the patch
 };
 
 /// Corners that were followed, and the motion that most of their area agrees with.

@@ -74,7 +74,7 @@ class MotionCheck {
     pose_.locate(context.frame.depth_time(), cells_, ego, map_);
     if (map_.empty()) start_s_ = pose_.shot().timestamp;
     map_.judge(pose_.shot(), cells_, context.labels);
-    label_outlier_corners(ego, context.labels);
+    label_outlier_corners(ego, context);
     context.labels.find_wide_static();
     judged_ = true;
     return detector_.find(cells_, context.labels, outlier_cells_);
@@ -167,7 +167,8 @@ class MotionCheck {
   // Surfaces around corners that move by themselves have moved: a slow surface lies over where it
   // was a moment ago. Of those that have been there for longer nothing is known any more, once it
   // is seen twice: a reflection moves, and so does a flat board in its own plane.
-  void label_outlier_corners(EgoMotion& ego, CellLabels& labels) {
+  void label_outlier_corners(EgoMotion& ego, FrameContext& context) {
+    CellLabels& labels = context.labels;
     outlier_cells_.clear();
     std::swap(outliers_, last_outliers_);
     outliers_.clear();
@@ -181,7 +182,7 @@ class MotionCheck {
     const double smeared_share = kReadoutError * sensor_.readout_s * rad_s;
     const bool once_is_enough = rad_s < kStillRadS || pose_.shot().timestamp - start_s_ < kStartS;
     for (const CameraMotion::OutlierCorner& corner : ego.images().outlier_clusters(
-             seen, ego.trusted_prediction().value_or(seen), smeared_share)) {
+             context.depth, seen, ego.trusted_prediction(), smeared_share)) {
       const int cx = static_cast<int>(corner.u * per_cell);
       const int cy = static_cast<int>(corner.v * per_cell);
       const std::size_t cell =
