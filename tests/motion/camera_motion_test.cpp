@@ -410,6 +410,23 @@ TEST(MotionCheck, NeedsNoHostThatTellsItsMotion) {
   EXPECT_GT(frames, 5);
 }
 
+// At the start of a sequence clusters of outlier corners count at once. Where the camera's motion
+// was lost while it rotates, they must show twice.
+TEST(MotionCheck, WantsToSeeOutliersTwiceAfterTheCamerasMotionWasLost) {
+  const cv::Mat none = cv::Mat::zeros(kHeight, kWidth, CV_8UC1);
+  CheckAlone check(small_camera());
+  std::vector<int> frames;  // with a mover
+  for (int i = 0; i < 13; ++i) {
+    RgbdFrame frame = render(0.1 * i, pose(0, 0, -i), 0.2 - 0.02 * i);
+    if (i == 8) frame.color.setTo(90);  // nothing to follow, into this frame and out of it
+    if (!check.find(frame, std::nullopt).empty()) frames.push_back(i);
+    check.remember(none);
+  }
+  ASSERT_FALSE(frames.empty());
+  EXPECT_EQ(frames.front(), 1);
+  EXPECT_EQ(*std::upper_bound(frames.begin(), frames.end() - 1, 8), 11) << "10 if once is enough";
+}
+
 // Its depth is the same wherever it was a moment ago, but its pattern goes along.
 TEST(MotionCheck, FindsABoardThatSlidesInItsOwnPlane) {
   CheckAlone check(small_camera());

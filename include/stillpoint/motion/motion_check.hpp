@@ -58,13 +58,16 @@ class MotionCheck {
     detector_.clear();
     judged_ = false;
     if (!context.depth.any_measured()) return detector_.found();
-    if (context.size() != size_ || context.frame.timestamp <= last_s_) reset();
+    if (context.size() != size_ || context.frame.timestamp <= last_s_ || std::isinf(last_s_)) {
+      reset();
+      start_s_ = context.frame.timestamp;
+    }
     size_ = context.size();
     last_s_ = context.frame.timestamp;
     if (ego.chain() != chain_ && !map_.empty()) {
       // The host may yet tell the pose that is missing.
       if (!ego.motion()) return detector_.found();
-      reset();
+      forget_map();
     }
     chain_ = ego.chain();
     const int block_px = settings_.block_px > 0 ? settings_.block_px
@@ -72,7 +75,6 @@ class MotionCheck {
     cells_.set(context.depth, block_px);
     if (cells_.size() == 0) return detector_.found();  // not one cell
     pose_.locate(context.frame.depth_time(), cells_, ego, map_);
-    if (map_.empty()) start_s_ = pose_.shot().timestamp;
     map_.judge(pose_.shot(), cells_, context.labels);
     label_outlier_corners(ego, context);
     context.labels.find_wide_static();
@@ -117,8 +119,7 @@ class MotionCheck {
 
   /// Forgets everything (a cut in the sequence).
   void reset() {
-    map_.clear();
-    pose_.reset();
+    forget_map();
     last_s_ = -std::numeric_limits<double>::infinity();
   }
 
@@ -130,10 +131,18 @@ class MotionCheck {
   // The camera's motion is sure enough to doubt corners if so much agrees with it; less will do
   // where the depth images, too, say that something large has moved.
   static constexpr double kSureSupport = 0.6, kSupportAmongMovers = 0.45, kFitAmongMovers = 0.85;
-  // A cluster of outlier corners must show twice, but for the first moment, which has no past to
-  // compare with, and before a camera that does not rotate, whose corners are followed well.
+  // A cluster of outlier corners must show twice, but for the first moment of a sequence, which has
+  // no past to compare with, and before a camera that does not rotate, whose corners are followed
+  // well. Where the camera's motion was lost there is no past either, but it is lost as the camera
+  // rotates fast before few corners: then clusters are often wrong.
   static constexpr double kStartS = 0.7, kStillRadS = 0.1;
   static constexpr float kSameClusterM = 0.5f;  // from one frame to the next
+
+  void forget_map() {
+    map_.clear();
+    pose_.reset();
+    outliers_.clear();
+  }
 
   struct Visit {
     int x, y, distance;
@@ -228,7 +237,7 @@ class MotionCheck {
   std::vector<std::uint8_t> dynamic_, touching_;  // of the last frame, by cell
   std::vector<Visit> queue_;
   std::vector<std::size_t> outlier_cells_;  // of the outlier corners of the last frame
-  double start_s_ = 0;                      // of the map
+  double start_s_ = 0;                      // of the sequence
   std::vector<Eigen::Vector3f> outliers_, last_outliers_;  // of two frames, each in its camera
 };
 
