@@ -57,8 +57,8 @@ struct DepthCells {
             fy * (y * radial + distortion.p1 * (r2 + 2 * yy) + 2 * distortion.p2 * xy) + cy};
   }
 
-  /// Takes the depth of the blocks of a frame. Where its noise is far above a Kinect's, cells may
-  /// spread more before they count as torn. O(pixels / 4).
+  /// Takes the depth of a frame's blocks, `block` pixels wide, an even number. Where its noise is
+  /// far above a Kinect's, cells may spread more before they count as torn. O(pixels / 4).
   void set(const DepthView& depth, int block) {
     block_px = block;
     width = depth.size().width / block, height = depth.size().height / block;
