@@ -95,4 +95,18 @@ TEST(Frame, RefusesNoNumber) {
   EXPECT_NO_THROW(check_frame(frame)) << "metres have no units";
 }
 
+TEST(Frame, RefusesDepthOfAnotherTime) {
+  RgbdFrame frame = good_frame();
+  frame.timestamp = 1700000000;
+  for (const double good : {kNan, 1700000000 - 0.4, 1700000000 + 0.4}) {
+    frame.depth_timestamp = good;
+    EXPECT_NO_THROW(check_frame(frame)) << good;
+  }
+  for (const double bad :
+       {12.5, 1700000001.0, 1 / 0.0, -1 / 0.0}) {  // 12.5: since the camera's start
+    frame.depth_timestamp = bad;
+    EXPECT_ERROR(check_frame(frame), "frame.depth_timestamp", "clock of frame.timestamp", "NaN");
+  }
+}
+
 }  // namespace

@@ -63,6 +63,30 @@ TEST(Cameras, NothingMovesBehindADistortingLens) {
   }
 }
 
+TEST(Cameras, ALensThatCannotSeeItsCornersDoesNoHarm) {
+  Camera camera = camera_of(640);
+  camera.fx = camera.fy = 460;
+  camera.k1 = -0.4;  // most that the distortion reaches is 0.61 of the focal length
+  Camera pinhole = camera;
+  pinhole.k1 = 0;
+  const RoomCamera room(pinhole);
+  FrontEnd front_end(FrontEndSettings(), camera);
+  for (int i = 0; i < 12; ++i) {
+    const Eigen::Isometry3d pose = turned(yaw_deg(i));
+    RgbdFrame frame = room.frame(i / 30.0, pose);
+    // In a corner that no ray reaches, and in the middle.
+    const Instance corner = box_instance({0, 0, 90, 120}, frame.color.size());
+    const Instance middle = box_instance({300, 200, 60, 90}, frame.color.size());
+    front_end.compute_mask(frame, i % 3 == 2 ? Segmentation() : result({corner, middle}));
+    front_end.correct_pose(pose);
+    EXPECT_GT(cv::countNonZero(front_end.mask().image), 0);
+    for (const DynamicObject& object : front_end.objects())
+      for (const auto& state : {object.in_camera, object.in_world})
+        EXPECT_TRUE(!state || (state->centroid_m.allFinite() && state->velocity_m_s.allFinite() &&
+                               state->covariance.allFinite()));
+  }
+}
+
 TEST(Cameras, AFrameWithoutDepthInATurnDoesNoHarm) {
   const Camera camera = camera_of(320);
   const RoomCamera room(camera);
@@ -84,6 +108,28 @@ TEST(Cameras, AFrameWithoutDepthInATurnDoesNoHarm) {
             << i;
       }
       front_end.correct_pose(pose);
+    }
+  }
+}
+
+TEST(Cameras, AWrongStampOfTheDepthDoesNoHarm) {
+  const Camera camera = camera_of(320);
+  const RoomCamera room(camera);
+  for (const double off_s : {0.0, -0.3, 0.3}) {
+    SCOPED_TRACE(off_s);
+    FrontEnd front_end(FrontEndSettings(), camera);
+    for (int i = 0; i < 40; ++i) {
+      RgbdFrame frame = room.frame(i / 30.0, turned(yaw_deg(i)));
+      frame.depth_timestamp = frame.timestamp + (i == 20 ? off_s : 0);
+      front_end.compute_mask(frame, kNothing);
+      EXPECT_EQ(front_end.stats().mask_share, 0) << i;
+    }
+    // Who comes in afterwards is found.
+    for (int i = 40; i < 45; ++i) {
+      RgbdFrame frame = room.frame(i / 30.0, turned(yaw_deg(i)));
+      frame.depth(cv::Rect(120, 60, 60, 160)).setTo(1.2);
+      front_end.compute_mask(frame, kNothing);
+      EXPECT_EQ(front_end.mask().image.at<uchar>(140, 150), 255) << i;
     }
   }
 }

@@ -89,6 +89,8 @@ TEST(TumSequence, UsesAGivenAssociationsFile) {
 
   folder.write("mine.txt", "2.000000 rgb/2.000000.jpg\n");
   EXPECT_ERROR(TumSequence(folder.path(), settings), "mine.txt", "line 1", "timestamp depth_file");
+  folder.write("mine.txt", "2.000000 rgb/2.000000.jpg 12.500000 depth/2.500000.png\n");
+  EXPECT_ERROR(TumSequence(folder.path(), settings), "mine.txt", "line 1", "0.5", "12.500000");
 }
 
 TEST(TumSequence, FallsBackOnItsOwnAssociationsFile) {

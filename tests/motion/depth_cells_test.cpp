@@ -60,6 +60,26 @@ TEST(DepthCells, AreTornBySmallStepsWhereThereIsLittleNoise) {
   EXPECT_GT(whole_share(cells_of(4, 0.1, 0.0015), true), 0.5);
 }
 
+// As many cells, otherwise arranged.
+TEST(DepthCells, KnowTheRaysOfAnImageThatTurned) {
+  DepthCells cells;
+  for (const cv::Size& size : {cv::Size(320, 240), cv::Size(240, 320)}) {
+    RgbdFrame frame;
+    frame.color = cv::Mat(size, CV_8UC1, cv::Scalar(100));
+    frame.depth = cv::Mat(size, CV_16UC1, cv::Scalar(10000));
+    FrameContext context;
+    context.begin(frame, small_camera());
+    cells.set(context.depth, kBlock);
+    for (int y = 0; y < cells.height; ++y)
+      for (int x = 0; x < cells.width; ++x) {
+        const std::size_t i = cells.index(x, y);
+        const Eigen::Vector2f cell = cells.cell(cells.ray_x[i], cells.ray_y[i]);
+        EXPECT_NEAR(cell.x(), x, 1e-3);
+        EXPECT_NEAR(cell.y(), y, 1e-3);
+      }
+  }
+}
+
 // Blocks of any size: a slope with holes, a block without depth and a step. Of each block every
 // second pixel of every second row counts.
 TEST(DepthCells, AreTheMeansOfTheirPixels) {
@@ -72,7 +92,7 @@ TEST(DepthCells, AreTheMeansOfTheirPixels) {
     for (int y = 0; y < 200; ++y)
       for (int x = 0; x < 300; ++x)
         frame.depth.at<std::uint16_t>(y, x) = static_cast<std::uint16_t>(
-            x < 70 && y < 70 || random.uniform(0, 3) == 0 ? 0 : (x < 200 ? 2000 : 3000) + x / 4);
+            (x < 70 && y < 70) || random.uniform(0, 3) == 0 ? 0 : (x < 200 ? 2000 : 3000) + x / 4);
     FrameContext context;
     context.begin(frame, small_camera());
     DepthCells cells;

@@ -48,6 +48,21 @@ TEST(EgoMotion, TakesTheHostsPredictionAndThenItsPose) {
   EXPECT_NEAR(d.ego.pose_at(0.15).translation().x(), 0.045, 1e-9) << "on at the same speed";
 }
 
+TEST(EgoMotion, OfSeveralPosesForAFrameTheLastCounts) {
+  Driver d;
+  d.track(0);
+  d.ego.correct(moved(4));
+  d.ego.correct(moved(5));
+  d.track(0.1, moved(-0.02));
+  d.ego.correct(moved(5.1));
+  d.ego.correct(moved(5.03));
+  EXPECT_NEAR(d.ego.motion()->translation().x(), -0.03, 1e-12);
+  EXPECT_NEAR(d.ego.pose().translation().x(), 0.03, 1e-12);
+  d.track(0.2, moved(-0.02));
+  d.ego.correct(moved(5.06));
+  EXPECT_NEAR(d.ego.pose().translation().x(), 0.06, 1e-12);
+}
+
 TEST(EgoMotion, TellsTheRotationPerSecond) {
   Driver d;
   d.track(0);

@@ -160,9 +160,32 @@ TEST_F(FreeSpace, KnowsWhatStoodAlone) {
   EXPECT_TRUE(labels.stood_alone({10 * px, 15 * px}));
 }
 
+// Among three older frames in which it did not, too.
+TEST_F(FreeSpace, OneFrameInWhichItStoodAloneIsEnough) {
+  const DepthCells frame = wall(4);
+  const std::vector<std::uint8_t> none(frame.size(), 0), all(frame.size(), 1);
+  for (const double age_s : {1.6, 1.0, 0.6, 0.35, 0.2, 0.1})
+    map_.add({0.1 - age_s, Eigen::Isometry3d::Identity(), kExact}, frame, none,
+             age_s > 0.3 ? all : none);
+  CellLabels labels = judge(forward(0), frame);
+  labels.find_wide_static();
+  EXPECT_TRUE(labels.stood_alone({20 * labels.block_px(), 15 * labels.block_px()}));
+}
+
+// A depth image that comes later than one that was taken after it.
+TEST_F(FreeSpace, DoesNotLookIntoTheFuture) {
+  remember();
+  CellLabels labels;
+  map_.judge({-0.1, Eigen::Isometry3d::Identity(), kExact}, wall(2), labels);
+  for (std::size_t i = 0; i < labels.size(); ++i) EXPECT_EQ(labels[i], CellLabel::kUnknown);
+}
+
 TEST_F(FreeSpace, MovesTheNewestFrameAndForgetsAll) {
   remember();
-  map_.set_newest_pose(forward(0.5));
+  const DepthShot kept{0, forward(0.5), kExact}, left_out{0.01, forward(2), kExact};
+  map_.correct(kept);
+  map_.add(left_out, wall(4), {});
+  map_.correct(left_out);
   const CellLabels moved = judge(forward(0.5), wall(5));
   for (std::size_t i = 0; i < moved.size(); ++i) EXPECT_EQ(moved[i], CellLabel::kUnknown);
   const DepthCells frame = wall(4);

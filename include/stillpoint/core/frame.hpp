@@ -11,6 +11,10 @@
 
 namespace stillpoint {
 
+/// Color and depth that were taken further apart, seconds, do not belong together, or their clocks
+/// differ.
+constexpr double kMostDepthOffsetS = 0.5;
+
 /// One image of an RGB-D camera. cv::Mat members share their data: copying a frame is cheap.
 struct RgbdFrame {
   /// H x W, CV_8UC3 (BGR, as OpenCV loads it) or CV_8UC1 (grey).
@@ -23,8 +27,9 @@ struct RgbdFrame {
   /// Units of a 16-bit depth image per metre (5000: TUM, Bonn; 1000: millimetres). Not used for
   /// CV_32FC1.
   double depth_units_per_m = 5000;
-  /// When the depth was measured, seconds of the same clock; NaN: with the color. Kinects take the
-  /// two up to 17 ms apart, and a camera that turns at 200 deg/s turns 3 degrees in that time.
+  /// When the depth was measured, seconds of the same clock, at most kMostDepthOffsetS from
+  /// `timestamp`; NaN: with the color. Kinects take the two up to 17 ms apart, and a camera that
+  /// turns at 200 deg/s turns 3 degrees in that time.
   double depth_timestamp = std::numeric_limits<double>::quiet_NaN();
 
   /// When the depth was measured, as far as is known.
@@ -81,9 +86,10 @@ inline void check_frame(const RgbdFrame& frame) {
     return "frame.timestamp: expected seconds, found " + std::to_string(frame.timestamp);
   });
   if (frame.depth.empty()) return;
-  detail::check(!std::isinf(frame.depth_timestamp), [&] {
-    return "frame.depth_timestamp: expected seconds, or NaN where it is not known, found " +
-           std::to_string(frame.depth_timestamp);
+  detail::check(std::abs(frame.depth_time() - frame.timestamp) <= kMostDepthOffsetS, [&] {
+    return "frame.depth_timestamp: expected seconds of the clock of frame.timestamp, " +
+           std::to_string(frame.timestamp) + ", at most " + std::to_string(kMostDepthOffsetS) +
+           " s away, or NaN where it is not known, found " + std::to_string(frame.depth_timestamp);
   });
   detail::check(frame.depth.type() == CV_16UC1 || frame.depth.type() == CV_32FC1, [&] {
     return "frame.depth: expected CV_16UC1 or CV_32FC1 (metres), found " + type_text(frame.depth);

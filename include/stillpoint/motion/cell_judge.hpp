@@ -15,9 +15,9 @@
 namespace stillpoint {
 
 /// Labels the cells of a new depth image by what earlier ones, from the oldest to the newest, saw
-/// in their places. A cell that showed the same surface in the first three of them is static; with
-/// these, and with those that have surely moved, later views are not compared. Cells without depth
-/// stay unknown.
+/// in their places. A cell that showed the same surface in the first three of them, and stood alone
+/// there, is static; with these, and with those that have surely moved, later views are not
+/// compared. Cells without depth stay unknown.
 class CellJudge {
  public:
   /// Begins with a new image: all its cells are unknown. O(cells).
@@ -128,7 +128,7 @@ class CellJudge {
     for (std::size_t y = 0; y + 1 < first_.size(); ++y) {
       const std::size_t end = first_[y + 1];
       for (; k < end; ++k)
-        if (has_moved(k) || open_.score[k] <= -kEnoughViews)
+        if (has_moved(k) || (open_.score[k] <= -kEnoughViews && open_.alone[k] != 0))
           label(k, labels);
         else
           open_.move(k, kept++);

@@ -142,10 +142,11 @@ struct DepthCells {
     const float cx_now = (lens.cx() - 0.5f * (b - 1)) / b;
     const float cy_now = (lens.cy() - 0.5f * (b - 1)) / b;
     const Lens::Coefficients now = lens.coefficients();
-    if (ray_x.size() == size() && fx == fx_now && fy == fy_now && cx == cx_now && cy == cy_now &&
+    const cv::Size cells(width, height);
+    if (cells == rays_of_ && fx == fx_now && fy == fy_now && cx == cx_now && cy == cy_now &&
         std::memcmp(&now, &distortion, sizeof now) == 0)
       return;
-    fx = fx_now, fy = fy_now, cx = cx_now, cy = cy_now, distortion = now;
+    fx = fx_now, fy = fy_now, cx = cx_now, cy = cy_now, distortion = now, rays_of_ = cells;
     ray_x.resize(size()), ray_y.resize(size());
     for (int y = 0; y < height; ++y)
       for (int x = 0; x < width; ++x) {
@@ -171,6 +172,7 @@ struct DepthCells {
     return far - near < whole ? static_cast<float>(sum) / static_cast<float>(n) * to_m : 0;
   }
 
+  cv::Size rays_of_;
   // Of each column of a row of cells: the least depth (one less, so that 0, no measurement, is the
   // highest), the greatest one, how many there are, and their sum, in units.
   std::vector<std::uint16_t> lo_, hi_, count_;

@@ -116,7 +116,7 @@ class DepthPose {
   // Where the last frame was, for the prediction of one that comes `step_s` later.
   Eigen::Isometry3d followed(double step_s) const {
     if (!registered_) return predicted_;
-    const double share = fit_ > kNothingMoves ? 1 : 1 - std::exp(-step_s / kFollowS);
+    const double share = fit_ > kNothingMoves ? 1 : 1 - std::exp(-std::max(0.0, step_s) / kFollowS);
     const Eigen::Isometry3d off = predicted_.inverse() * shot_.T_map_depth;
     Eigen::Isometry3d towards = Eigen::Isometry3d::Identity();
     towards.linear() = detail::rotation_matrix(share * detail::rotation_vector(off.linear()));

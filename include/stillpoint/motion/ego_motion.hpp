@@ -53,6 +53,8 @@ class EgoMotion {
     }
     const double step_s = now_s - last_s_;
     last_s_ = now_s;
+    last_host_pose_ = host_pose_;
+    host_pose_.reset();
     predicted_.reset();
     if (host) {
       if (is_rigid(*host))
@@ -73,19 +75,18 @@ class EgoMotion {
     before_ = T_world_camera_;
     step_s_ = step_s;
     apply();
-    if (!corrected_) host_pose_.reset();
-    corrected_ = false;
     context.T_current_last = motion_;
   }
 
-  /// Tells the pose that the host tracked for the last frame, in the host's own world.
+  /// Tells the pose that the host tracked for the last frame, in the host's own world. Of several
+  /// for one frame the last counts.
   void correct(const Eigen::Isometry3d& T_world_camera) {
     if (!is_rigid(T_world_camera)) {
       status_ |= kPoseRefused;
       return;
     }
-    if (host_pose_) {
-      const Eigen::Isometry3d T_current_last = T_world_camera.inverse() * *host_pose_;
+    if (last_host_pose_) {
+      const Eigen::Isometry3d T_current_last = T_world_camera.inverse() * *last_host_pose_;
       if (!is_jump(T_current_last) && trusts(T_current_last)) {
         const bool first = !motion_;
         motion_ = T_current_last;
@@ -94,7 +95,6 @@ class EgoMotion {
       }
     }
     host_pose_ = T_world_camera;
-    corrected_ = true;
     T_host_world_ = T_world_camera * T_world_camera_.inverse();
     host_chain_ = chain_;
   }
@@ -204,6 +204,7 @@ class EgoMotion {
     ++chain_;
     motion_.reset();
     host_pose_.reset();
+    last_host_pose_.reset();
   }
 
   Settings settings_;
@@ -211,8 +212,8 @@ class EgoMotion {
   std::optional<CameraMotion::Estimate> measured_;
   std::optional<Eigen::Isometry3d> predicted_;  // by the host
   std::optional<Eigen::Isometry3d> motion_;
-  std::optional<Eigen::Isometry3d> host_pose_;  // of the frame before, then of the last one
-  bool corrected_ = false;                      // the host gave the last frame's pose
+  std::optional<Eigen::Isometry3d> host_pose_;                // of the last frame
+  std::optional<Eigen::Isometry3d> last_host_pose_;           // of the frame before
   Eigen::Isometry3d before_ = Eigen::Isometry3d::Identity();  // pose of the frame before the last
   Eigen::Isometry3d T_world_camera_ = Eigen::Isometry3d::Identity();
   double last_s_ = -std::numeric_limits<double>::infinity();

@@ -51,9 +51,11 @@ class FreeSpaceMap {
       view.alone.data[i] = touching.empty() || touching[i] == 0;
   }
 
-  /// Moves the newest image, once its pose is known better.
-  void set_newest_pose(const Eigen::Isometry3d& T_map_depth) {
-    if (count_ > 0) views_[newest_].shot.T_map_depth = T_map_depth;
+  /// Moves the image of a shot that add() was given last, once its pose is known better; nothing
+  /// if that one was not kept.
+  void correct(const DepthShot& shot) {
+    if (count_ > 0 && views_[newest_].shot.timestamp == shot.timestamp)
+      views_[newest_].shot.T_map_depth = shot.T_map_depth;
   }
 
   /// The images nearest to the given ages at a time, each once, none older than the memory.
@@ -65,9 +67,11 @@ class FreeSpaceMap {
       const DepthKeyView* best = nullptr;
       for (std::size_t i = 0; i < count_; ++i) {
         const DepthKeyView& view = views_[i];
-        if (timestamp - view.shot.timestamp > kMemoryS) continue;
-        if (!best || std::abs(timestamp - view.shot.timestamp - age_s) <
-                         std::abs(timestamp - best->shot.timestamp - age_s))
+        const double view_age_s = timestamp - view.shot.timestamp;
+        // A depth image may come later than one that was taken after it.
+        if (view_age_s < 0 || view_age_s > kMemoryS) continue;
+        if (!best ||
+            std::abs(view_age_s - age_s) < std::abs(timestamp - best->shot.timestamp - age_s))
           best = &view;
       }
       if (best && (found.empty() || found.back() != best)) found.push_back(best);

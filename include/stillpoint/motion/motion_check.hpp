@@ -60,7 +60,7 @@ class MotionCheck {
     if (!context.depth.any_measured()) return detector_.found();
     if (context.size() != size_ || context.frame.timestamp <= last_s_ || std::isinf(last_s_)) {
       reset();
-      start_s_ = context.frame.timestamp;
+      start_s_ = context.frame.depth_time();
     }
     size_ = context.size();
     last_s_ = context.frame.timestamp;
@@ -114,7 +114,7 @@ class MotionCheck {
   /// To be called after `ego` was given the host's pose of the last frame.
   void correct(const EgoMotion& ego) {
     if (!judged_ || ego.chain() != chain_) return;
-    if (pose_.correct(ego)) map_.set_newest_pose(pose_.shot().T_map_depth);
+    if (pose_.correct(ego)) map_.correct(pose_.shot());
   }
 
   /// Forgets everything (a cut in the sequence).

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <optional>
 #include <string>
@@ -89,6 +90,10 @@ inline std::vector<SequenceEntry> read_associations(const std::filesystem::path&
     SequenceEntry entry;
     entry.timestamp = detail::parse_timestamp(words[0], where);
     entry.depth_timestamp = detail::parse_timestamp(words[2], where);
+    detail::check(std::abs(entry.depth_timestamp - entry.timestamp) <= kMostDepthOffsetS, [&] {
+      return where + ": expected color and depth at most " + std::to_string(kMostDepthOffsetS) +
+             " s apart, found " + words[0] + " and " + words[2];
+    });
     entry.color_path = folder / words[1];
     entry.depth_path = folder / words[3];
     entry.stem = entry.color_path.stem().string();
