@@ -5,11 +5,14 @@
 
 #include <atomic>
 #include <chrono>
+#include <cmath>
 #include <condition_variable>
 #include <functional>
+#include <limits>
 #include <memory>
 #include <mutex>
 #include <stdexcept>
+#include <thread>
 #include <vector>
 
 #include "../flat_scene.hpp"
@@ -188,6 +191,7 @@ TEST(DetectionThread, CopiesTheFrame) {
     color = frame.color.at<cv::Vec3b>(5, 5)[0];
     depth = frame.depth.at<std::uint16_t>(5, 5);
     EXPECT_EQ(frame.depth_units_per_m, 1000);
+    EXPECT_EQ(frame.depth_timestamp, 0.01);
     return result({});
   };
   DetectionThread thread(segmenter);
@@ -195,6 +199,7 @@ TEST(DetectionThread, CopiesTheFrame) {
   frame.color = cv::Mat(20, 30, CV_8UC3, cv::Scalar(7, 7, 7));
   frame.depth = cv::Mat(20, 30, CV_16UC1, cv::Scalar(1234));
   frame.depth_units_per_m = 1000;
+  frame.depth_timestamp = 0.01;
   thread.segment(frame);
   frame.color.setTo(200), frame.depth.setTo(0);  // the host uses its buffers again
   segmenter.allow(1);
@@ -205,6 +210,59 @@ TEST(DetectionThread, CopiesTheFrame) {
   frame.depth = cv::Mat();
   EXPECT_NO_THROW(thread.segment(frame));
   EXPECT_ERROR(thread.segment(RgbdFrame()), "frame.color");
+}
+
+TEST(DetectionThread, DropsWhatBelongsToASequenceThatEnded) {
+  for (const bool finished : {false, true}) {
+    SCOPED_TRACE(finished);
+    GatedSegmenter segmenter;
+    DetectionThread thread(segmenter);
+    thread.segment(frame_at(100));
+    segmenter.wait_for_start(1);
+    if (finished) {
+      segmenter.allow(1);
+      EXPECT_TRUE(thread.wait_for_result(100));
+    }
+    EXPECT_FALSE(thread.segment(frame_at(1)).available);
+    segmenter.allow(100);
+    EXPECT_TRUE(thread.wait_for_result(100));
+    EXPECT_EQ(thread.segment(frame_at(2)).timestamp, 1);
+  }
+}
+
+TEST(DetectionThread, WaitsForEver) {
+  for (const double timeout_s : {1e300, std::numeric_limits<double>::infinity()}) {
+    GatedSegmenter segmenter;
+    DetectionThread thread(segmenter);
+    thread.segment(frame_at(1));
+    std::thread later([&] {
+      std::this_thread::sleep_for(std::chrono::milliseconds(20));
+      segmenter.allow(1);
+    });
+    EXPECT_TRUE(thread.wait_for_result(timeout_s));
+    later.join();
+  }
+  GatedSegmenter segmenter;
+  segmenter.allow(1);
+  DetectionThread thread(segmenter);
+  EXPECT_FALSE(thread.wait_for_result(std::nan(""))) << "nothing was handed over";
+}
+
+TEST(DetectionThread, GivesMasksThatNobodyWritesOver) {
+  GatedSegmenter segmenter;
+  cv::Mat mask(60, 40, CV_8UC1);
+  int value = 255;
+  segmenter.answer = [&](const RgbdFrame&) {
+    mask.setTo(value--);
+    Instance person = box_instance({10, 10, 40, 60}, {320, 240});
+    person.mask = mask;
+    return result({person});
+  };
+  DetectionThread thread(segmenter);
+  segmenter.allow(100);
+  const Segmentation first = next_result(thread, frame_at(1));
+  next_result(thread, frame_at(2));
+  EXPECT_EQ(first.instances[0].mask.at<uchar>(0, 0), 255);
 }
 
 TEST(DetectionThread, LetsTheSegmenterKeepAFrame) {

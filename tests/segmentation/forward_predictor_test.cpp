@@ -215,6 +215,78 @@ TEST(ForwardPredictor, TakesOddTimestamps) {
   EXPECT_EQ(instances(time_of(4), true), 0) << "that frame had its result already";
 }
 
+// A host without a segmenter has no word for frames without a result.
+TEST(ForwardPredictor, NeedsNoWordOfFramesWithoutAResult) {
+  Walk walk;
+  walk.turn_px = 3;
+  walk.scene.with_depth = false;
+  cv::Mat masks[2];
+  for (const bool says_so : {false, true}) {
+    FrontEnd front_end(FrontEndSettings::network_only(), walk.scene.camera());
+    for (int i = 0; i <= 24; ++i) {
+      if (i > 0 && i % 6 == 0) {
+        Segmentation late = result(walk.people(i - 4));
+        late.timestamp = time_of(i - 4);
+        front_end.compute_mask(walk.frame(i), late, walk.motion());
+        // Nothing is known before a host's first result.
+        EXPECT_EQ((front_end.stats().status & kMaskStale) != 0, i == 6 && !says_so) << i;
+      } else if (says_so) {
+        front_end.compute_mask(walk.frame(i), Segmentation(), walk.motion());
+      } else {
+        front_end.compute_mask(walk.frame(i), walk.motion());
+      }
+    }
+    masks[says_so] = front_end.mask().image.clone();
+  }
+  EXPECT_GT(pixels(masks[1]), 0);
+  EXPECT_GT(iou(masks[0], masks[1]), 0.99);
+}
+
+// Whose result is of a frame of another size says nothing of this one.
+TEST(ForwardPredictor, ForgetsImagesOfAnotherSize) {
+  for (const bool metres : {false, true}) {
+    Walk small, large;
+    large.scene.size = {2 * small.scene.size.width, 2 * small.scene.size.height};
+    const auto frame = [&](const Walk& walk, int i) {
+      RgbdFrame f = walk.frame(i);
+      if (metres) f.depth.convertTo(f.depth, CV_32F, 1 / f.depth_units_per_m);
+      return f;
+    };
+    FrontEnd front_end(FrontEndSettings::network_only());
+    for (int i = 0; i < 5; ++i) front_end.compute_mask(frame(small, i), Segmentation());
+    Segmentation late = result(small.people(3));
+    late.timestamp = time_of(3);
+    front_end.compute_mask(frame(large, 5), late);
+    EXPECT_TRUE(front_end.stats().status & kMaskStale);
+    EXPECT_EQ(cv::countNonZero(front_end.mask().image), 0);
+  }
+}
+
+TEST(ForwardPredictor, DoesNotTakeOneObjectsDepthForAnothers) {
+  // Two late results: one of the first person, with depth; one of the second, without.
+  const auto box_of_second = [](bool has_first) {
+    Walk walk;
+    const FrontEndSettings settings = FrontEndSettings::network_only();
+    ForwardPredictor predictor(settings.late, settings.compensation, walk.scene.camera());
+    Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+    T.translation().x() = 0.05;
+    FrameContext context;
+    Segmentation late;
+    for (int i = 0; i <= 10; ++i) {
+      walk.scene.with_depth = i <= 5;
+      const RgbdFrame frame = walk.frame(i);
+      context.begin(frame, walk.scene.camera());
+      context.T_current_last = T;
+      late = Segmentation();
+      if (i == 5 && has_first) late = result({walk.people(3)[0]}), late.timestamp = time_of(3);
+      if (i == 10) late = result({walk.people(8)[1]}), late.timestamp = time_of(8);
+      predictor.forward(context, late);
+    }
+    return late.instances.at(0).box;
+  };
+  EXPECT_EQ(box_of_second(true), box_of_second(false));
+}
+
 TEST(ForwardPredictor, RefusesSettingsThatMakeNoSense) {
   FrontEndSettings settings = FrontEndSettings::network_only();
   settings.late.max_age_s = -1;

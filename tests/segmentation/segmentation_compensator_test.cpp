@@ -830,6 +830,12 @@ TEST(SegmentationCompensator, RefusesSettingsWithoutSense) {
     s = Settings(), s.history = history;
     EXPECT_ERROR(SegmentationCompensator{s}, "history", "1 to 8");
   }
+  for (const double bad : {-2.0, 1.5, std::nan("")}) {
+    s = Settings(), s.min_template_score = bad;
+    EXPECT_ERROR(SegmentationCompensator{s}, "min_template_score", "-1 to 1");
+    s = Settings(), s.min_depth_support = bad;
+    EXPECT_ERROR(SegmentationCompensator{s}, "min_depth_support", "0 to 1");
+  }
   s = Settings(), s.search_px = -1;
   EXPECT_ERROR(SegmentationCompensator{s}, "search_px");
   s = Settings(), s.max_restored_frames = -1;

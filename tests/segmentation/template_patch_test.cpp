@@ -46,6 +46,25 @@ TEST(TemplatePatch, ScoresLowWhereTheObjectIsGone) {
   EXPECT_LT(patch.locate(gray_of(scene.frame(1, {})), 16, corner), 0.5);
 }
 
+TEST(TemplatePatch, LooksAtAllOfABoxOfAnySize) {
+  for (int side = 10; side <= 130; ++side) {
+    const cv::Rect box(20, 10, side, side);
+    cv::Mat gray(160, 160, CV_8UC1, cv::Scalar(0));
+    cv::RNG random(side);
+    random.fill(gray(box), cv::RNG::UNIFORM, 0, 256);
+    const TemplatePatch patch = patch_of(gray, box_instance(box, gray.size()));
+    cv::Mat changed = gray.clone();
+    const int last = std::max(2, side / 8);
+    for (const cv::Rect& end : {cv::Rect(box.x, box.y + side - last, side, last),
+                                cv::Rect(box.x + side - last, box.y, last, side)}) {
+      gray.copyTo(changed);
+      changed(end).setTo(0);
+      cv::Point corner = box.tl();
+      EXPECT_LT(patch.locate(changed, 0, corner), 0.999) << side << " at " << end;
+    }
+  }
+}
+
 TEST(TemplatePatch, LooksAtTheMaskOnly) {
   // The wall around the object changes; only an upright half of the box is the object.
   const Figure figure{{100, 60, 20, 80}, 2, 1};

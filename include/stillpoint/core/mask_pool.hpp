@@ -34,7 +34,15 @@ class MaskPool {
   }
 
   /// Whether another cv::Mat shares the memory of this one.
-  static bool held_elsewhere(const cv::Mat& mat) { return mat.u && mat.u->refcount > 1; }
+  static bool held_elsewhere(const cv::Mat& mat) {
+    if (!mat.u) return false;
+    // Another thread may be letting it go.
+#ifdef __GNUC__
+    return __atomic_load_n(&mat.u->refcount, __ATOMIC_ACQUIRE) > 1;
+#else
+    return static_cast<const volatile int&>(mat.u->refcount) > 1;
+#endif
+  }
 
  private:
   static constexpr std::size_t kMostSlots = 64;

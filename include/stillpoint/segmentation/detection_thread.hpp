@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #pragma once
 
+#include <algorithm>
 #include <chrono>
 #include <condition_variable>
 #include <cstddef>
 #include <exception>
+#include <limits>
 #include <mutex>
 #include <opencv2/core.hpp>
 #include <string>
@@ -15,6 +17,7 @@
 #include "stillpoint/core/error.hpp"
 #include "stillpoint/core/frame.hpp"
 #include "stillpoint/core/instance.hpp"
+#include "stillpoint/core/mask_pool.hpp"
 #include "stillpoint/segmentation/segmenter.hpp"
 
 namespace stillpoint {
@@ -47,8 +50,9 @@ class DetectionThread : public Segmenter {
   }
 
   /// Copies the frame, so the caller may reuse it. Returns `available = false` when nothing new has
-  /// finished. Throws what the segmenter threw since the last call, once; the thread goes on.
-  /// O(pixels), whatever the segmenter does.
+  /// finished. Throws what the segmenter threw since the last call, once; the thread goes on. An
+  /// earlier timestamp than the last one's begins another sequence: results of the old one are
+  /// dropped. O(pixels), whatever the segmenter does.
   Segmentation segment(const RgbdFrame& frame) override {
     check_frame(frame);
     Segmentation result;
@@ -56,9 +60,13 @@ class DetectionThread : public Segmenter {
     {
       const std::lock_guard<std::mutex> guard(mutex_);
       if (waiting_) ++dropped_;
-      copy(frame.color, next_.color);
-      copy(frame.depth, next_.depth);
+      if (frame.timestamp < last_s_) begin_sequence();
+      last_s_ = frame.timestamp;
+      // Into the same memory, unless the segmenter kept a reference to it.
+      detail::copy_apart(frame.color, next_.color);
+      detail::copy_apart(frame.depth, next_.depth);
       next_.timestamp = frame.timestamp;
+      next_.depth_timestamp = frame.depth_timestamp;
       next_.depth_units_per_m = frame.depth_units_per_m;
       waiting_ = true;
       if (error_)
@@ -79,8 +87,10 @@ class DetectionThread : public Segmenter {
   ///     thread.wait_for_result(10);
   ///     front_end.compute_mask(first);
   bool wait_for_result(double timeout_s) {
+    // The clock counts nanoseconds in 64 bits: "for ever" must be less than 292 years.
+    const double wait_s = timeout_s > 0 ? std::min(timeout_s, 1e9) : 0;
     std::unique_lock<std::mutex> guard(mutex_);
-    return finished_.wait_for(guard, std::chrono::duration<double>(timeout_s),
+    return finished_.wait_for(guard, std::chrono::duration<double>(wait_s),
                               [this] { return result_.available || error_; });
   }
 
@@ -93,10 +103,10 @@ class DetectionThread : public Segmenter {
   }
 
  private:
-  // Into the same memory, unless the segmenter kept a reference to it.
-  static void copy(const cv::Mat& from, cv::Mat& to) {
-    if (to.u && to.u->refcount > 1) to.release();
-    from.copyTo(to);
+  void begin_sequence() {
+    ++sequence_;
+    result_ = Segmentation();
+    error_ = nullptr;
   }
 
   void run() {
@@ -107,6 +117,7 @@ class DetectionThread : public Segmenter {
       if (end_) return;
       std::swap(frame, next_);
       waiting_ = false;
+      const int sequence = sequence_;
       guard.unlock();
       Segmentation result;
       std::exception_ptr error;
@@ -114,10 +125,13 @@ class DetectionThread : public Segmenter {
         result = segmenter_.segment(frame);
         result.timestamp = frame.timestamp;
         check_segmentation(result, frame.color.size());
+        // The segmenter may write its next result over this one.
+        for (Instance& s : result.instances) s.mask = s.mask.clone();
       } catch (...) {
         error = std::current_exception();
       }
       guard.lock();
+      if (sequence != sequence_) continue;
       // A frame without a result takes nothing away from one that waits to be fetched.
       if (error)
         error_ = error;
@@ -135,6 +149,8 @@ class DetectionThread : public Segmenter {
   Segmentation result_;
   std::exception_ptr error_;
   std::size_t dropped_ = 0;
+  double last_s_ = -std::numeric_limits<double>::infinity();
+  int sequence_ = 0;  // of frames whose time goes on
   bool waiting_ = false, end_ = false;
   std::thread thread_;  // last: starts when the rest is there
 };

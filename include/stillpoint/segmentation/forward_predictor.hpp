@@ -103,8 +103,8 @@ class ForwardPredictor {
     old.depth_units_per_m = frames_[then].units_per_m;
     const bool has_depth =
         compensation_.use_depth && !frame.depth.empty() && old.depth.size() == frame.depth.size();
+    if (!has_depth) old.depth.release();
     old_depth_.set(old, camera_);
-    if (!has_depth) old_depth_.clear();
     static const DepthView no_depth;
     const DepthView& depth = has_depth ? context.depth : no_depth;
     const std::optional<Eigen::Isometry3d> T_now_then = frames_.motion_since(then);
@@ -237,7 +237,7 @@ class ForwardPredictor {
 
   bool carry_one(const FrameContext& context, const DepthView& depth, std::size_t then,
                  const std::optional<Eigen::Isometry3d>& T_now_then, Instance& instance) {
-    object_.forget_places();
+    object_.forget_past();
     if (instance.mask.empty())
       object_.observe(context, old_depth_, middle_of(instance), nullptr);
     else

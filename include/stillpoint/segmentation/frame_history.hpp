@@ -43,9 +43,11 @@ class FrameHistory {
   const Frame& operator[](std::size_t i) const { return frames_[i]; }
   const Frame& newest() const { return frames_.back(); }
 
-  /// Keeps a frame: copies its depth, O(pixels). An earlier timestamp than the newest one's starts
-  /// the history anew. A motion that is not finite is none.
+  /// Keeps a frame: copies its depth, O(pixels). An earlier timestamp than the newest one's, or
+  /// another size of the image, starts the history anew. A motion that is not finite is none.
   void add(const RgbdFrame& frame, const std::optional<Eigen::Isometry3d>& T_current_last) {
+    if (frame.color.size() != size_) keep(0);
+    size_ = frame.color.size();
     if (!frames_.empty() && frame.timestamp <= frames_.back().timestamp) keep(0);
     while (!frames_.empty() &&
            frame.timestamp - frames_.front().timestamp > max_age_s_ + kSameTimeS)
@@ -111,6 +113,7 @@ class FrameHistory {
   static constexpr std::size_t kMostFrames = 128;
 
   double max_age_s_;
+  cv::Size size_;
   std::vector<Frame> frames_, spare_;
 };
 

@@ -91,8 +91,8 @@ class RememberedObject {
     history_[places_++] = {place.x, place.y, timestamp};
   }
 
-  /// Forgets the history of places.
-  void forget_places() { places_ = 0; }
+  /// Forgets where it was, and how far away.
+  void forget_past() { places_ = 0, z_ = predicted_z_ = 0; }
 
   /// Carries the object to `timestamp`: by the camera's motion (if known), then along its line.
   /// `max_speed_px_s` bounds the object's own motion.

@@ -76,6 +76,10 @@ struct SegmentationCompensatorSettings {
     };
     if (!(area_ratio > 0 && area_ratio <= 1))
       fail("area_ratio", "more than 0, at most 1", area_ratio);
+    if (!(min_template_score >= -1 && min_template_score <= 1))
+      fail("min_template_score", "-1 to 1", min_template_score);
+    if (!(min_depth_support >= 0 && min_depth_support <= 1))
+      fail("min_depth_support", "0 to 1", min_depth_support);
     if (history < 1 || history > 8) fail("history", "1 to 8", history);
     if (search_px < 0 || search_px > 1000) fail("search_px", "0 to 1000", search_px);
     if (max_restored_frames < 0) fail("max_restored_frames", "at least 0", max_restored_frames);

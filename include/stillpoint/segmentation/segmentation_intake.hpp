@@ -42,10 +42,11 @@ class SegmentationIntake {
   /// not fit the frame, counts as one without a result; see error(). The reference stays valid
   /// until the next call.
   const Segmentation& ask(Segmenter* segmenter, const RgbdFrame& frame) {
-    ask_nobody();
+    error_.clear();
+    failed_ = false;
     asked_ = Segmentation();
-    may_be_late_ = segmenter != nullptr;
     if (!segmenter) return asked_;
+    may_be_late_ = true;
     try {
       asked_ = segmenter->segment(frame);
       check_segmentation(asked_, frame.color.size());
@@ -118,7 +119,8 @@ class SegmentationIntake {
   SuddenObjectFilter sudden_;
   Segmentation asked_, dynamic_;
   std::string error_;
-  bool failed_ = false, may_be_late_ = true;  // of the last ask()
+  bool failed_ = false;       // of the last ask()
+  bool may_be_late_ = false;  // a result: there is a segmenter, or the caller has told some
   std::vector<Instance> raw_;
   SegmentationAge age_;
 };

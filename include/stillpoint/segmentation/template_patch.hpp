@@ -15,14 +15,15 @@ namespace stillpoint {
 /// template matching of paper section 3.1).
 class TemplatePatch {
  public:
-  /// Samples at most 24 x 24 pixels of the instance's box, those on its mask. O(1).
+  /// Samples at most 24 x 24 pixels, spread evenly over the instance's box, those on its mask.
+  /// O(1).
   void sample(const cv::Mat& gray, const Instance& instance) {
     count_ = 0;
-    const int step_x = std::max(1, instance.box.width / kSide);
-    const int step_y = std::max(1, instance.box.height / kSide);
+    const int step_x = std::max(1, (instance.box.width + kSide - 1) / kSide);
+    const int step_y = std::max(1, (instance.box.height + kSide - 1) / kSide);
     step_ = std::max(1, std::min(step_x, step_y) / 2);
-    for (int y = step_y / 2; y < instance.box.height && count_ < kMax; y += step_y)
-      for (int x = step_x / 2; x < instance.box.width && count_ < kMax; x += step_x) {
+    for (int y = step_y / 2; y < instance.box.height; y += step_y)
+      for (int x = step_x / 2; x < instance.box.width; x += step_x) {
         if (!instance.mask.empty() && !instance.mask.ptr<uchar>(y)[x]) continue;
         points_[count_++] = {static_cast<short>(x), static_cast<short>(y),
                              value(gray, instance.box.x + x, instance.box.y + y)};
@@ -56,8 +57,7 @@ class TemplatePatch {
   bool empty() const { return count_ == 0; }
 
  private:
-  static constexpr int kSide = 20;
-  static constexpr std::size_t kMax = 576;
+  static constexpr int kSide = 24;
   struct Sample {
     short x, y;
     std::uint8_t value;
@@ -84,7 +84,7 @@ class TemplatePatch {
     return static_cast<double>(n * sab - sa * sb) / std::sqrt(va * vb);
   }
 
-  std::array<Sample, kMax> points_{};
+  std::array<Sample, std::size_t{kSide} * kSide> points_{};
   std::size_t count_ = 0;
   int step_ = 1;
 };

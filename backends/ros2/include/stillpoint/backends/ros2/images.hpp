@@ -10,6 +10,7 @@
 #include <string>
 
 #include "stillpoint/backends/ros2/messages.hpp"
+#include "stillpoint/core/mask_pool.hpp"
 
 // Images of messages as cv::Mat. Each function returns an empty text, or what was expected and what
 // was found; `out` is then as it was. The bytes are copied, as a message does not live long enough.
@@ -20,7 +21,7 @@ namespace detail {
 
 // Into the same memory, unless somebody keeps a reference to it.
 inline void renew(cv::Mat& mat, int rows, int cols, int type) {
-  if (mat.u && mat.u->refcount > 1) mat.release();
+  if (stillpoint::detail::MaskPool::held_elsewhere(mat)) mat.release();
   mat.create(rows, cols, type);
 }
 
