@@ -40,6 +40,7 @@ class FrontEndPipeline {
         compensator_(settings.compensation, camera),
         tracker_(settings.objects, settings.sensor),
         fuser_(settings.depth, camera) {
+    settings.check();
     check_dynamic_classes(settings.dynamic_classes,
                           segmenter ? segmenter->classes() : std::vector<std::string>());
   }

@@ -71,6 +71,13 @@ struct FrontEndSettings {
     throw Error("preset: expected default, network_only or paper, found \"" + name + "\"");
   }
 
+  /// Throws Error if a setting that is none of its components' makes no sense.
+  void check() const {
+    if (!(large_mask_share >= 0 && large_mask_share <= 1))
+      throw Error("FrontEndSettings.large_mask_share: expected 0 to 1, found " +
+                  std::to_string(large_mask_share));
+  }
+
   [[deprecated("the default has the motion check: FrontEndSettings{}")]] static FrontEndSettings
   with_motion() {
     return {};

@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 namespace {
 
 using stillpoint::Camera;
@@ -21,6 +23,26 @@ TEST(Distortion, UndistortsEveryPixelOfTheKnownCameras) {
         const Eigen::Vector2d flat = stillpoint::undistort_pixel(camera, raw);
         EXPECT_LT((stillpoint::distort_pixel(camera, flat) - raw).norm(), 1e-6) << x << ' ' << y;
       }
+}
+
+TEST(Distortion, KnowsWhereALensCannotBeInverted) {
+  Camera camera;
+  camera.fx = camera.fy = 460, camera.cx = 319.5, camera.cy = 239.5, camera.k1 = -0.4;
+  int seen = 0, unseen = 0;
+  for (int y = 0; y < 480; y += 13)
+    for (int x = 0; x < 640; x += 17) {
+      const Eigen::Vector2d raw(x, y), flat = stillpoint::undistort_pixel(camera, raw);
+      // The radius r (1 - 0.4 r^2) is largest, 0.6086, at r = 0.913.
+      const double radius = std::hypot((x - camera.cx) / camera.fx, (y - camera.cy) / camera.fy);
+      const bool found = flat.allFinite();
+      ++(found ? seen : unseen);
+      EXPECT_FALSE(found && radius > 0.61) << x << ' ' << y;
+      EXPECT_FALSE(!found && radius < 0.58) << x << ' ' << y;
+      EXPECT_FALSE(found && (stillpoint::distort_pixel(camera, flat) - raw).norm() > 0.01)
+          << x << ' ' << y;
+    }
+  EXPECT_GT(seen, 0);
+  EXPECT_GT(unseen, 0);
 }
 
 TEST(Distortion, FollowsBrownsFormula) {

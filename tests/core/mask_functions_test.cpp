@@ -82,6 +82,8 @@ TEST(MaskFunctions, FeatureMaskKeepsAMargin) {
   EXPECT_EQ(allowed.at<uchar>(7, 7), 0);
   EXPECT_EQ(allowed.at<uchar>(6, 7), 255);
   EXPECT_EQ(cv::countNonZero(feature_mask(mask, 100)), 0);
+  // A part of a larger mask does not see beyond its own border.
+  EXPECT_EQ(cv::countNonZero(feature_mask(mask(cv::Rect(20, 0, 12, 16)), 5) == 0), 0);
 }
 
 TEST(MaskFunctions, ProbabilityFallsOffAroundTheMask) {

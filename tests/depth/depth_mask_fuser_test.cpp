@@ -401,6 +401,41 @@ TEST(DepthMaskFuser, CarvesThePersonOutOfABareBox) {
   EXPECT_GT(s.precision, 0.95);
 }
 
+TEST(DepthMaskFuser, CarvesWhoStandsFarAwayOutOfABareBox) {
+  Instance bare;
+  bare.box = cv::Rect(130, 60, 60, 120);
+  const cv::Rect person(145, 66, 30, 110);
+  RgbdFrame frame;
+  frame.color = cv::Mat(room().size, CV_8UC3, cv::Scalar(90, 90, 90));
+  for (const float z : {12.0f, 14.0f, 30.0f}) {
+    frame.depth = cv::Mat(room().size, CV_32FC1, cv::Scalar(z * 0.5f));
+    frame.depth(bare.box).setTo(0);
+    frame.depth(person).setTo(z);
+    DepthMaskFuser fuser({}, room().camera());
+    const Score s =
+        score(undilated(fuser, frame, {bare}), mask_of(std::vector<cv::Rect>{person}, room().size));
+    EXPECT_GT(s.recall, 0.95) << z;
+  }
+}
+
+TEST(DepthMaskFuser, DoesNotTrustAFloorWhoseMotionItMissed) {
+  // Of the last frame's floor too little is seen to find it anew.
+  const FlatScene scene = room();
+  const Instance person = box_instance(kPerson.box, scene.size);
+  const auto mask_after = [&](bool missed) {
+    DepthMaskFuser fuser({}, scene.camera());
+    const std::optional<Eigen::Isometry3d> still = Eigen::Isometry3d::Identity();
+    fuser.fuse(scene.frame(0, {kPerson}), result({person}), true, 0, still);
+    fuser.fuse(scene.frame(1, {kPerson}), result({}), true, 0, missed ? std::nullopt : still);
+    RgbdFrame frame = scene.frame(2, {kPerson});
+    for (const cv::Range& hidden : {cv::Range(0, 110), cv::Range(210, scene.size.width)})
+      frame.depth.colRange(hidden).setTo(0.4 * frame.depth_units_per_m);
+    fuser.fuse(frame, result({person}), true, 0, still);
+    return pixels(fuser.undilated());
+  };
+  EXPECT_GT(mask_after(true), mask_after(false) + 100) << "it grows into the floor";
+}
+
 TEST(DepthMaskFuser, GoesByTheExpectedDepth) {
   // A column before the person takes half of the mask; the compensator knows how far the person is.
   const Figure column{{130, 60, 29, 170}, 2.2f, 2};

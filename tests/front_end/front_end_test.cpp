@@ -561,6 +561,10 @@ TEST(FrontEnd, RefusesSettingsWithoutSense) {
   EXPECT_ERROR(FrontEnd{settings}, "DepthMaskFuserSettings.cell_px");
   settings = FrontEndSettings(), settings.probability.radius_px = -1;
   EXPECT_ERROR(FrontEnd{settings}, "KeypointFilterSettings.radius_px");
+  for (const double bad : {-0.1, 1.1, std::nan("")}) {
+    settings = FrontEndSettings(), settings.large_mask_share = bad;
+    EXPECT_ERROR(FrontEnd{settings}, "FrontEndSettings.large_mask_share", "0 to 1");
+  }
 }
 
 }  // namespace

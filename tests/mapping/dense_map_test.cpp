@@ -133,6 +133,18 @@ TEST(DenseMap, UndistortsTheLens) {
   EXPECT_EQ(distorted.size(), before);
 }
 
+TEST(DenseMap, LeavesOutPixelsThatTheLensCannotSee) {
+  Camera lens = camera();
+  lens.k1 = -0.4;  // its corners are no ray's
+  DenseMap map;
+  map.integrate(wall(2), lens, DynamicMask(), Eigen::Isometry3d::Identity());
+  EXPECT_GT(map.size(), 500u);
+  for (const auto& p : map.points()) {
+    ASSERT_TRUE(p.position.allFinite());
+    EXPECT_LT(p.position.norm(), 2 / std::cos(std::atan(0.914)) + 0.01);
+  }
+}
+
 TEST(DenseMap, RefusesAPoseThatIsNotFinite) {
   DenseMap map;
   for (const double bad : {std::nan(""), std::numeric_limits<double>::infinity()})
@@ -151,6 +163,14 @@ TEST(DenseMap, RefusesWrongInput) {
   DenseMap::Settings bad;
   bad.voxel_m = 0;
   EXPECT_THROW(DenseMap{bad}, stillpoint::Error);
+  for (double DenseMap::Settings::*setting :
+       {&DenseMap::Settings::edge_ratio, &DenseMap::Settings::carve_margin_m,
+        &DenseMap::Settings::carve_margin_per_m})
+    for (const double value : {-1.0, std::nan("")}) {
+      bad = DenseMap::Settings();
+      bad.*setting = value;
+      EXPECT_THROW(DenseMap{bad}, stillpoint::Error);
+    }
   DenseMap map;
   DynamicMask mask;
   mask.image = cv::Mat::zeros(3, 3, CV_8UC1);

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <limits>
 
 #include "stillpoint/core/camera.hpp"
 
@@ -24,17 +25,19 @@ inline Eigen::Vector2d distort_pixel(const Camera& camera, const Eigen::Vector2d
 }
 
 /// Undistorted pixel of a raw one, to within 1e-6 px for lenses whose distortion can be inverted at
-/// the pixel (every calibrated camera inside its own image). O(1): at most 30 fixed-point steps.
+/// the pixel (every calibrated camera inside its own image); NaN where it cannot: no ray is seen
+/// there. O(1): at most 30 fixed-point steps.
 inline Eigen::Vector2d undistort_pixel(const Camera& camera, const Eigen::Vector2d& pixel) {
   if (!camera.distorted()) return pixel;
   const Eigen::Vector2d raw((pixel.x() - camera.cx) / camera.fx,
                             (pixel.y() - camera.cy) / camera.fy);
-  Eigen::Vector2d p = raw;
-  for (int i = 0; i < 30; ++i) {
-    const Eigen::Vector2d error = distort_normalized(camera, p) - raw;
+  constexpr double kGiveUp = 1e-5;  // a focal length of 500 px makes it 0.005 px
+  Eigen::Vector2d p = raw, error = raw;
+  for (int i = 0; i < 30 && !(error.squaredNorm() < 1e-20); ++i) {
+    error = distort_normalized(camera, p) - raw;
     p -= error;
-    if (error.squaredNorm() < 1e-20) break;
   }
+  if (!(error.norm() < kGiveUp)) p.setConstant(std::numeric_limits<double>::quiet_NaN());
   return {camera.fx * p.x() + camera.cx, camera.fy * p.y() + camera.cy};
 }
 

@@ -47,7 +47,9 @@ inline cv::Mat feature_mask(const cv::Mat& mask, int margin_px = 0) {
   if (margin_px == 0) return mask == 0;
   cv::Mat grown;
   const int side = 2 * margin_px + 1;
-  cv::dilate(mask, grown, cv::getStructuringElement(cv::MORPH_RECT, {side, side}));
+  // A mask that is a part of an image ends at its own border.
+  cv::dilate(mask, grown, cv::getStructuringElement(cv::MORPH_RECT, {side, side}), {-1, -1}, 1,
+             cv::BORDER_CONSTANT | cv::BORDER_ISOLATED);
   return grown == 0;
 }
 

@@ -52,8 +52,8 @@ class DepthMaskFuser {
 
   const Settings& settings() const { return settings_; }
 
-  /// Fuses one frame. Without depth, or with `use_depth` false, the mask is the union of the
-  /// instances' masks (of their boxes, where they have none), and status() says kNoDepth. Throws
+  /// Fuses one frame. Without depth, which status() tells by kNoDepth, or with `use_depth` false,
+  /// the mask is the union of the instances' masks (of their boxes, where they have none). Throws
   /// Error if instances do not fit the image. Strongly blurred instances are dilated more;
   /// `widening_px` is added to all. `T_current_last` maps points of the last frame's camera into
   /// this one's, if it is known: it keeps the floor in mind where people hide it. The mask is the
@@ -96,7 +96,8 @@ class DepthMaskFuser {
     const DepthView& depth = context.depth;
     status_ = depth.any_measured(segmentation.instances) ? kOk : kNoDepth;
     use_depth = use_depth && !depth.empty();
-    if (use_depth) begin_depth(depth, segmentation.instances, context.T_current_last);
+    carry_floor(context.T_current_last);
+    if (use_depth) begin_depth(depth, segmentation.instances);
     undilated_.create(context.size(), CV_8UC1);
     undilated_.setTo(0);
     fused_ = segmentation.instances;
@@ -120,17 +121,22 @@ class DepthMaskFuser {
     return true;
   }
 
-  // Takes the samples and finds the floor, which the camera's motion carries along if it is known.
-  void begin_depth(const DepthView& depth, const std::vector<Instance>& instances,
-                   const std::optional<Eigen::Isometry3d>& T_current_last) {
+  // The floor of an earlier frame is known as long as every motion since is.
+  void carry_floor(const std::optional<Eigen::Isometry3d>& T_current_last) {
+    floor_carried_ = floor_carried_ && T_current_last;
+    if (T_current_last) floor_ = floor_.moved(*T_current_last);
+  }
+
+  // Takes the samples and finds the floor.
+  void begin_depth(const DepthView& depth, const std::vector<Instance>& instances) {
     const int cell_px = std::max(settings_.cell_px, scaled_px(settings_.cell_px, depth.size()));
     if (cell_px != samples_.cell_px()) samples_ = DepthSamples(cell_px, settings_.seed);
-    if (T_current_last) floor_ = floor_.moved(*T_current_last);
     if (instances.empty()) return;
     samples_.begin(depth);
     if (settings_.method == Settings::Method::kPaper) return;
     collect_floor_samples(depth, instances, floor_samples_);
-    floor_ = find_floor(floor_samples_, floor_, settings_.seed, T_current_last.has_value());
+    floor_ = find_floor(floor_samples_, floor_, settings_.seed, floor_carried_);
+    floor_carried_ = true;
   }
 
   // Turns the mask of an instance, or its bare box, into what is the object's in depth.
@@ -210,6 +216,7 @@ class DepthMaskFuser {
   DepthSamples samples_;
   std::vector<InverseSample> floor_samples_;
   InversePlane floor_;
+  bool floor_carried_ = false;  // from the frame that it was found in to the last one
   ObjectDepthRange ranges_;
   CellStates states_;
   ObjectRegion region_;

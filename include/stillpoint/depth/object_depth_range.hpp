@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <limits>
 #include <numeric>
 #include <opencv2/core.hpp>
 #include <vector>
@@ -60,7 +61,9 @@ class ObjectDepthRange {
     while (lo > 0 && peak - lo < reach && smooth(lo - 1) > enough) --lo;
     while (hi + 1 < kBins && hi - peak < reach && smooth(hi + 1) > enough) ++hi;
     range.lo_m = static_cast<float>(lo) * kBinM;
-    range.hi_m = static_cast<float>(hi + 1) * kBinM;
+    // The last bin holds all that is farther, too.
+    range.hi_m = hi + 1 == kBins ? std::numeric_limits<float>::infinity()
+                                 : static_cast<float>(hi + 1) * kBinM;
     range.middle_m = (static_cast<float>(peak) + 0.5f) * kBinM;
     return true;
   }

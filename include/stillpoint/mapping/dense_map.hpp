@@ -58,6 +58,9 @@ class DenseMap {
     require(settings.max_voxels > 0, "max_voxels > 0");
     require(settings.min_depth_m >= 0 && settings.max_depth_m > settings.min_depth_m,
             "0 <= min_depth_m < max_depth_m");
+    require(settings.edge_ratio >= 0, "edge_ratio >= 0");
+    require(settings.carve_margin_m >= 0, "carve_margin_m >= 0");
+    require(settings.carve_margin_per_m >= 0, "carve_margin_per_m >= 0");
   }
 
   /// Adds a frame taken with `camera` (distorted or not) from `T_world_camera`. `mask.image` may be
@@ -95,6 +98,7 @@ class DenseMap {
         const float z = depth_m_at(frame, x, y);
         if (!(z >= settings_.min_depth_m && z <= settings_.max_depth_m)) continue;
         if (on_edge(frame, x, y, z)) continue;
+        if (!rays_[ray].allFinite()) continue;  // the lens cannot see this pixel
         const Eigen::Vector3d p(rays_[ray].x() * z, rays_[ray].y() * z, z);
         add((T_world_camera * p).cast<float>(), color_at(frame, x, y));
       }

@@ -85,6 +85,7 @@ class GhostCounter {
         if (!(z > 0 && z <= settings_.max_depth_m) || on_edge(frame, x, y, z)) continue;
         const Eigen::Vector2d flat =
             undistort_pixel(camera, {static_cast<double>(x), static_cast<double>(y)});
+        if (!flat.allFinite()) continue;  // the lens cannot see this pixel
         const Eigen::Vector3d p = T_world_camera * camera.unproject(flat.x(), flat.y(), z);
         (person ? person_ : static_).insert(key_of(p, 0, 0, 0));
       }

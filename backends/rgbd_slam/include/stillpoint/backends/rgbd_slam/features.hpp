@@ -15,6 +15,7 @@
 #include "stillpoint/backends/rgbd_slam/spread.hpp"
 #include "stillpoint/core/error.hpp"
 #include "stillpoint/core/frame.hpp"
+#include "stillpoint/core/mask_functions.hpp"
 
 namespace stillpoint::rgbd_slam {
 
@@ -127,11 +128,7 @@ class OrbExtractor final : public FeatureExtractor {
 
   // 255 where to look; empty: everywhere.
   cv::Mat static_part(const cv::Mat& mask) const {
-    if (mask.empty()) return cv::Mat();
-    const int side = 2 * settings_.mask_margin_px + 1;
-    cv::Mat dilated;
-    cv::dilate(mask, dilated, cv::Mat::ones(side, side, CV_8UC1));
-    return dilated == 0;
+    return mask.empty() ? cv::Mat() : feature_mask(mask, settings_.mask_margin_px);
   }
 
   void find_corners(const cv::Mat& image, const cv::Mat& allowed) {

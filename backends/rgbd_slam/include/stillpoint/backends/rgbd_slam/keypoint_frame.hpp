@@ -51,6 +51,7 @@ class KeypointFrame {
       const auto i = static_cast<std::size_t>(index);
       const cv::KeyPoint& k = features.keypoints[i];
       const Eigen::Vector2d p = undistort_pixel(camera, {k.pt.x, k.pt.y});
+      if (!p.allFinite()) continue;  // the lens cannot see this pixel
       FrameKeypoint f;
       f.x = static_cast<float>(p.x()), f.y = static_cast<float>(p.y());
       f.octave = k.octave;

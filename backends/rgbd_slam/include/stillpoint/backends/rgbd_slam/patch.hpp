@@ -126,7 +126,9 @@ inline std::optional<Eigen::Vector2d> align_patch(const ImagePyramid& pyramid, c
   if (!warped->align(pyramid.image(level), 0.03f, x, y)) return std::nullopt;
   const Eigen::Vector2f place(x + 3.5f, y + 3.5f);
   if ((place - start).norm() > 2) return std::nullopt;
-  return undistort_pixel(camera, pyramid.from_level(place.cast<double>(), level));
+  const Eigen::Vector2d flat =
+      undistort_pixel(camera, pyramid.from_level(place.cast<double>(), level));
+  return flat.allFinite() ? std::optional(flat) : std::nullopt;
 }
 
 }  // namespace stillpoint::rgbd_slam
