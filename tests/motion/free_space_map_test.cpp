@@ -244,6 +244,24 @@ TEST_F(Holes, SayNothingInARoomShorterThanTheRange) {
   EXPECT_EQ(after(with_hole(3.8f, large_), 2), CellLabel::kUnknown);
 }
 
+// Depth that is registered to color ends before the image does.
+TEST_F(Holes, SayNothingWhereTheDepthCameraDoesNotSee) {
+  const DepthCells frame = with_hole(3.9f, {30, 0, 10, 30});
+  const std::vector<std::uint8_t> none(frame.size(), 0);
+  DepthCells now = wall(3.9f);
+  for (int y = 0; y < now.height; ++y)
+    for (int x = 30; x < now.width; ++x) now.depth_m[now.index(x, y)] = 2;
+  const std::size_t in_margin = now.index(35, 15);
+  map_.add({0, Eigen::Isometry3d::Identity(), kExact}, frame, none);
+  EXPECT_EQ(judge(forward(0), now)[in_margin], CellLabel::kUnknown);
+  // Where it has measured anything, it is no margin.
+  map_.add({0.05, Eigen::Isometry3d::Identity(), kExact}, wall(3.9f),
+           std::vector<std::uint8_t>(frame.size(), 1));
+  map_.clear();
+  map_.add({0, Eigen::Isometry3d::Identity(), kExact}, frame, none);
+  EXPECT_EQ(judge(forward(0), now)[in_margin], CellLabel::kMoved);
+}
+
 TEST_F(Holes, AreNotBorderedByPeople) {
   // Somebody stands before most of the border; the rest of it is far away.
   DepthCells frame = with_hole(3.8f, large_);

@@ -148,19 +148,17 @@ TEST(MotionCheck, TellsWideStaticSurfacesFromThinOnes) {
 TEST(MotionCheck, WhatTouchesAMoverDoesNotStandAlone) {
   CheckAlone check(small_camera());
   cv::Mat dynamic(kHeight, kWidth, CV_8UC1, cv::Scalar(0));
-  dynamic.colRange(kWidth / 2, kWidth / 2 + 8).setTo(255);  // on the wall
-  const Camera camera = small_camera();
+  dynamic(cv::Rect(150, 80, 20, 40)).setTo(255);  // a part of a board 1.5 m away
   for (int i = 0; i < 60; ++i) {
-    check.find(render(i / 30.0, Eigen::Isometry3d::Identity(), std::nullopt),
+    check.find(render(i / 30.0, Eigen::Isometry3d::Identity(), Eigen::Vector3d(0, 0, 1.5)),
                Eigen::Isometry3d::Identity());
     check.remember(dynamic);
   }
   const CellLabels& labels = check.context.labels;
-  const int y = kHeight / 2, near = kWidth / 2 + 8 + static_cast<int>(0.15 * camera.fx / 4);
-  const int far = kWidth / 2 + 8 + static_cast<int>(0.6 * camera.fx / 4);
-  EXPECT_TRUE(labels.known_static({near, y}));
-  EXPECT_FALSE(labels.stood_alone({near, y}));
-  EXPECT_TRUE(labels.stood_alone({far, y}));
+  const cv::Point beside(186, 100), wall(250, 100);
+  EXPECT_TRUE(labels.known_static(beside));
+  EXPECT_FALSE(labels.stood_alone(beside));
+  EXPECT_TRUE(labels.stood_alone(wall));
 }
 
 TEST(MotionCheck, FindsAMoverWhileTheCameraTurns) {

@@ -202,7 +202,7 @@ class CameraMotion {
     const Lens& lens = depth.lens();
     f.from = c.depth_m * lens.ray(u0, v0).homogeneous();
     const Eigen::Vector3f q = (guess * f.from.cast<double>()).cast<float>();
-    if (q.z() < CornerImage::kLeastDepthM) return;
+    if (!(q.z() >= CornerImage::kLeastDepthM)) return;  // NaN, too: the lens cannot see the corner
     const Eigen::Vector2f p = lens.pixel(q.hnormalized());
     float du = p.x() - u0, dv = p.y() - v0;
     if (!detail::shift(last_.coarse, current_.coarse, c.x / 2, c.y / 2, 2 * scale, 0.1f, du, dv,
@@ -213,8 +213,8 @@ class CameraMotion {
     const Eigen::Vector2f flat = current_.project(lens.ray(f.u, f.v).homogeneous());
     f.flat_u = flat.x(), f.flat_v = flat.y();
     f.area = c.dynamic ? 0 : std::min(c.depth_m, 4.0f) * std::min(c.depth_m, 4.0f);
-    const int u = static_cast<int>(f.u + 0.5f), v = static_cast<int>(f.v + 0.5f);
-    f.depth_m = current_.whole_depth(depth, u, v);
+    const cv::Point pixel = nearest_pixel(f);
+    f.depth_m = current_.whole_depth(depth, pixel.x, pixel.y);
     // Of two measurements, the corner's in the last frame and this one.
     f.depth_tolerance_m = std::sqrt(2.0f) * sensor_.least_step_m(f.depth_m);
     consensus_.add(f);
@@ -222,8 +222,12 @@ class CameraMotion {
 
   // No depth edge in all of its patch.
   bool is_smooth(const Flow& f, const DepthView& depth) const {
-    return f.depth_m > 0 && current_.is_whole(depth, static_cast<int>(f.u + 0.5f),
-                                              static_cast<int>(f.v + 0.5f), CornerImage::kFar);
+    const cv::Point pixel = nearest_pixel(f);
+    return f.depth_m > 0 && current_.is_whole(depth, pixel.x, pixel.y, CornerImage::kFar);
+  }
+
+  static cv::Point nearest_pixel(const Flow& f) {
+    return {static_cast<int>(f.u + 0.5f), static_cast<int>(f.v + 0.5f)};
   }
 
   // How far apart two rotations put a corner, fine pixels.

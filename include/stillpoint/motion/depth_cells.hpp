@@ -69,8 +69,7 @@ struct DepthCells {
       return;
     }
     measure(depth, 0);
-    const float noise = pixel_noise();
-    if (noise > kUsualNoise) measure(depth, noise);
+    if (const float noise = unusual_noise(); noise > 0) measure(depth, noise);
   }
 
  private:
@@ -122,15 +121,15 @@ struct DepthCells {
     }
   }
 
-  // The noise of this frame's pixels (see kUsualNoise), or that as far as it is no more; 0 where
-  // too little is far enough away.
-  float pixel_noise() {
+  // The noise of this frame's pixels if it is above kUsualNoise; 0 if not, and where too little is
+  // far enough away.
+  float unusual_noise() {
     if (spread_.size() < kFewestCells) return 0;
     const auto facing = spread_.begin() +
                         static_cast<std::ptrdiff_t>(kFacing * static_cast<double>(spread_.size()));
     const auto usual = std::count_if(spread_.begin(), spread_.end(),
                                      [](float spread) { return spread <= kUsualNoise; });
-    if (usual > facing - spread_.begin()) return kUsualNoise;  // or less; found faster
+    if (usual > facing - spread_.begin()) return 0;
     std::nth_element(spread_.begin(), facing, spread_.end());
     return *facing;
   }

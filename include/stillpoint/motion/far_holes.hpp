@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <limits>
+#include <opencv2/core.hpp>
 #include <vector>
 
 #include "stillpoint/motion/depth_cells.hpp"
@@ -15,7 +16,8 @@ namespace stillpoint {
 /// Holes in the depth through which the camera looks farther than its depth sensor reaches: large
 /// ones whose border runs, to a good part, along surfaces at the end of the range. What stands
 /// there later, nearer than that, has come. Small holes, and those amid near surfaces (black,
-/// glossy or too close), say nothing.
+/// glossy or too close), say nothing; nor does the margin where depth that is registered to color
+/// has never measured anything: the depth camera does not see it.
 class FarHoles {
  public:
   explicit FarHoles(const SensorModel& sensor = {})
@@ -29,9 +31,10 @@ class FarHoles {
     found_.assign(frame.size(), 0);
     seen_.assign(frame.size(), 0);
     learn_range(timestamp, frame);
+    learn_view(frame);
     if (range_m() < kEndReached * max_range_m_) return found_;
-    for (int y = 1; y + 1 < frame.height; ++y)
-      for (int x = 1; x + 1 < frame.width; ++x)
+    for (int y = view_.y; y < view_.br().y; ++y)
+      for (int x = view_.x; x < view_.br().x; ++x)
         if (const std::size_t i = frame.index(x, y); frame.depth_m[i] < 0 && !seen_[i])
           if (looks_far(frame, dynamic, x, y)) mark(frame);
     return found_;
@@ -68,6 +71,25 @@ class FarHoles {
     }
   }
 
+  // The cells that the depth camera sees: those between measured ones of any frame so far, without
+  // the outermost.
+  void learn_view(const DepthCells& frame) {
+    const cv::Size size(frame.width, frame.height);
+    if (size != size_) measured_ = cv::Rect();
+    size_ = size;
+    if (measured_.size() == size) return;  // all of the image
+    cv::Point first(size), last(-1, -1);
+    for (int y = 0; y < frame.height; ++y)
+      for (int x = 0; x < frame.width; ++x) {
+        if (frame.depth_m[frame.index(x, y)] < 0) continue;
+        first = {std::min(first.x, x), std::min(first.y, y)};
+        last = {std::max(last.x, x), std::max(last.y, y)};
+      }
+    if (last.x >= 0) measured_ |= cv::Rect(first, last + cv::Point(1, 1));
+    view_ = cv::Rect(measured_.x + 1, measured_.y + 1, std::max(0, measured_.width - 2),
+                     std::max(0, measured_.height - 2));
+  }
+
   // Collects the hole around a cell in queue_.
   bool looks_far(const DepthCells& frame, const std::vector<std::uint8_t>& dynamic, int x0,
                  int y0) {
@@ -79,7 +101,7 @@ class FarHoles {
       static constexpr int kNext[4][2] = {{-1, 0}, {1, 0}, {0, -1}, {0, 1}};
       for (const auto& next : kNext) {
         const int x = cell.x + next[0], y = cell.y + next[1];
-        if (x < 1 || y < 1 || x + 1 >= frame.width || y + 1 >= frame.height) continue;
+        if (!view_.contains({x, y})) continue;
         std::size_t i = frame.index(x, y);
         if (frame.depth_m[i] < 0) {
           if (!seen_[i]) queue_.push_back({x, y});
@@ -106,6 +128,8 @@ class FarHoles {
   }
 
   float max_range_m_;
+  cv::Size size_;             // of the frames, cells
+  cv::Rect measured_, view_;  // see learn_view()
   float recent_m_ = 0, earlier_m_ = 0;
   double since_s_ = -std::numeric_limits<double>::infinity();  // of recent_m_
   std::vector<std::uint8_t> found_, seen_;

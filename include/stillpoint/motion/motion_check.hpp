@@ -20,6 +20,7 @@
 #include "stillpoint/motion/free_space_map.hpp"
 #include "stillpoint/motion/motion_check_settings.hpp"
 #include "stillpoint/motion/mover_detector.hpp"
+#include "stillpoint/motion/touching_cells.hpp"
 #include "stillpoint/sensor/sensor_model.hpp"
 
 namespace stillpoint {
@@ -45,6 +46,7 @@ class MotionCheck {
         sensor_(sensor),
         pose_(sensor),
         map_(sensor),
+        touching_(sensor),
         detector_(settings.movers) {
     settings.check();
     sensor.check();
@@ -107,8 +109,7 @@ class MotionCheck {
           dynamic_[cells_.index(x, y)] |=
               static_cast<std::uint8_t>((row[x * b + b / 4] | row[x * b + b / 4 + b / 2]) != 0);
       }
-    find_touching();
-    map_.add(pose_.shot(), cells_, dynamic_, touching_);
+    map_.add(pose_.shot(), cells_, dynamic_, touching_.find(cells_, dynamic_));
   }
 
   /// To be called after `ego` was given the host's pose of the last frame.
@@ -142,35 +143,6 @@ class MotionCheck {
     map_.clear();
     pose_.reset();
     outliers_.clear();
-  }
-
-  struct Visit {
-    int x, y, distance;
-  };
-  static constexpr float kTouchingM = 0.35f;
-
-  // Finds the cells whose surface goes on into what is dynamic, not far from it.
-  void find_touching() {
-    touching_ = dynamic_;
-    queue_.clear();
-    for (int y = 0; y < cells_.height; ++y)
-      for (int x = 0; x < cells_.width; ++x)
-        if (dynamic_[cells_.index(x, y)] != 0) queue_.push_back({x, y, 0});
-    for (std::size_t k = 0; k < queue_.size(); ++k) {
-      const Visit visit = queue_[k];
-      const float z = cells_.depth_m[cells_.index(visit.x, visit.y)];
-      if (!(z > 0) || visit.distance >= static_cast<int>(kTouchingM * cells_.fx / z)) continue;
-      static constexpr int kNext[4][2] = {{-1, 0}, {1, 0}, {0, -1}, {0, 1}};
-      for (const auto& next : kNext) {
-        const int x = visit.x + next[0], y = visit.y + next[1];
-        if (x < 0 || y < 0 || x >= cells_.width || y >= cells_.height) continue;
-        const std::size_t i = cells_.index(x, y);
-        if (touching_[i] != 0 || std::abs(cells_.depth_m[i] - z) > DepthCells::most_step_m(z))
-          continue;
-        touching_[i] = 1;
-        queue_.push_back({x, y, visit.distance + 1});
-      }
-    }
   }
 
   // Surfaces around corners that move by themselves have moved: a slow surface lies over where it
@@ -230,12 +202,12 @@ class MotionCheck {
   DepthCells cells_;
   DepthPose pose_;
   FreeSpaceMap map_;
+  TouchingCells touching_;
   MoverDetector detector_;
   double last_s_ = -std::numeric_limits<double>::infinity();
-  int chain_ = -1;                                // of the ego-motion, at the last frame in the map
-  bool judged_ = false;                           // the last frame
-  std::vector<std::uint8_t> dynamic_, touching_;  // of the last frame, by cell
-  std::vector<Visit> queue_;
+  int chain_ = -1;                          // of the ego-motion, at the last frame in the map
+  bool judged_ = false;                     // the last frame
+  std::vector<std::uint8_t> dynamic_;       // of the last frame, by cell
   std::vector<std::size_t> outlier_cells_;  // of the outlier corners of the last frame
   double start_s_ = 0;                      // of the sequence
   std::vector<Eigen::Vector3f> outliers_, last_outliers_;  // of two frames, each in its camera
