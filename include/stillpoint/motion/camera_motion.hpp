@@ -16,6 +16,7 @@
 #include "stillpoint/core/rigid_motion.hpp"
 #include "stillpoint/motion/corner_image.hpp"
 #include "stillpoint/motion/flow_consensus.hpp"
+#include "stillpoint/motion/outlier_clusters.hpp"
 #include "stillpoint/motion/patch_shift.hpp"
 #include "stillpoint/motion/rotation_alignment.hpp"
 #include "stillpoint/sensor/sensor_model.hpp"
@@ -36,6 +37,8 @@ class CameraMotion {
     Eigen::Isometry3d T_current_last = Eigen::Isometry3d::Identity();
     /// Share of the followed area that agrees with it, 0 to 1.
     double support = 0;
+    /// It was not measured: the camera is taken to go on as before.
+    bool assumed = false;
   };
 
   explicit CameraMotion(const SensorModel& sensor = {}) : sensor_(sensor) {}
@@ -45,11 +48,14 @@ class CameraMotion {
     for (detail::CornerImage* image : {&last_, &current_})
       image->empty = true, image->corners.clear();
     last_motion_ = Eigen::Isometry3d::Identity();
+    moved_ = false;
     usual_support_ = 1;
   }
 
   /// Takes the next frame, without looking for the motion to it. O(pixels).
   void begin(const FrameContext& context) {
+    step_s_ = context.frame.timestamp - last_s_;
+    last_s_ = context.frame.timestamp;
     current_.set(context);
     current_.add_far_corners(context.depth, sensor_.max_range_m);
     consensus_.begin(current_);
@@ -67,7 +73,8 @@ class CameraMotion {
     last_.keep_strongest(kMostCorners, kMostDynamic);
     if (last_.corners.size() < detail::FlowConsensus::kMinFlows) return std::nullopt;
     const std::optional<Estimate> found = estimate(context.depth, guess);
-    if (found) last_motion_ = found->T_current_last;
+    moved_ = found && !found->assumed;
+    if (found) last_motion_ = found->T_current_last, motion_step_s_ = step_s_;
     return found;
   }
 
@@ -84,44 +91,13 @@ class CameraMotion {
     return consensus_.support(T_current_last);
   }
 
-  /// A corner that moves otherwise than the camera says, with others around it that do so too.
-  struct OutlierCorner {
-    /// Where it is in the new frame, raw pixels; its depth, metres.
-    float u, v, depth_m;
-  };
-
-  /// The corners in clusters that move otherwise than a motion says, and than another one if there
-  /// is one: off by over 1.3 pixels (of 640 in a row), four times the median by area, and
-  /// `smeared_share` (blur, shutter) of their own displacement, with at least
-  /// four others within 0.3 m that move alike, and more than do not. None lies at an edge of
-  /// `depth`, that of the frame last added. O(corners squared).
+  /// The corners in clusters that move otherwise than a motion, and another one if there is one,
+  /// says (detail::OutlierClusters). `depth`: of the frame last added. O(corners squared).
   const std::vector<OutlierCorner>& outlier_clusters(
       const DepthView& depth, const Eigen::Isometry3d& T_current_last,
       const std::optional<Eigen::Isometry3d>& another, double smeared_share) {
-    outliers_.clear();
-    const std::vector<Flow>& flows = consensus_.flows();
-    if (flows.empty()) return outliers_;
-    const float limit_another = another ? measure_errors(*another) : 0;
-    std::swap(errors_, other_errors_);
-    const float limit = measure_errors(T_current_last);
-    const float per_px = std::max(kBlurError, static_cast<float>(smeared_share));
-    for (std::size_t i = 0; i < flows.size(); ++i) {
-      const float size = error_size(i, errors_);
-      if (size < std::max(limit, per_px * length_px(flows[i])) ||
-          (another && error_size(i, other_errors_) < limit_another) || !is_smooth(flows[i], depth))
-        continue;
-      int with = 0, against = 0;
-      for (std::size_t j = 0; j < flows.size(); ++j) {
-        if ((flows[i].from - flows[j].from).squaredNorm() > kClusterM * kClusterM) continue;
-        if ((errors_[i] - errors_[j]).norm() > 0.5f * size)
-          ++against;
-        else if (error_size(j, errors_) >= limit && !same_patch(flows[i], flows[j]))
-          ++with;
-      }
-      if (with >= kFewestWith && with > against)
-        outliers_.push_back({flows[i].u, flows[i].v, flows[i].depth_m});
-    }
-    return outliers_;
+    return outliers_.find(consensus_.flows(), current_, depth, T_current_last, another,
+                          smeared_share);
   }
 
   /// Corners followed from the frame before to the one last added.
@@ -133,14 +109,13 @@ class CameraMotion {
 
   static constexpr std::size_t kMostCorners = 200, kMostDynamic = 100;
   static constexpr double kMinSupport = 0.3, kUsual = 0.95;
-  static constexpr double kSure = 0.5;           // no doubt that the corners were found again
-  static constexpr double kPlainShare = 0.4;     // of the best support; see plain_motion()
-  static constexpr double kNearPx = 2;           // fine ones: corners are found again from there
-  static constexpr float kLeastOutlier = 0.65f;  // fine pixels
-  static constexpr float kClusterM = 0.3f;
-  static constexpr int kFewestWith = 4;
-  static constexpr float kBlurError =
-      0.12f;  // of a corner's displacement: what is blurred is followed ill
+  static constexpr double kSure = 0.5;        // no doubt that the corners were found again
+  static constexpr double kPlainShare = 0.4;  // of the best support; see plain_motion()
+  static constexpr double kNearPx = 2;        // fine ones: corners are found again from there
+  // A motion that is too sudden needs more support than a steady one, by so much.
+  static constexpr double kSteadyShare = 0.75;
+  static constexpr double kSurelySudden = 0.6;  // with less the steady one is assumed, for a frame
+  static constexpr double kMostAcceleration = 15;  // of what a hand or a robot holds, m/s^2
 
   std::optional<Estimate> estimate(const DepthView& depth, const Eigen::Isometry3d& guess) {
     follow_all(depth, guess);
@@ -164,14 +139,21 @@ class CameraMotion {
 
   // The motion that most of the followed area agrees with, by steps from either of two or anew.
   std::optional<Estimate> search(const Eigen::Isometry3d& guess, const Eigen::Isometry3d& another) {
-    Estimate found{guess, 0};
+    Estimate found{guess};
     // As good as it usually gets is enough: no need to look further.
     const double s = consensus_.search(found.T_current_last, another, kUsual * usual_support_);
     if (s < kMinSupport) return std::nullopt;
     found.support = s;
-    if (s < kSure) {
-      const Estimate plain = plain_motion(guess);
-      if (plain.support > kPlainShare * s) return plain;
+    const bool sure = s >= kSure, sudden = is_sudden(found.T_current_last);
+    if (!sure || sudden) {
+      const Eigen::Isometry3d steady = steady_motion(found.T_current_last);
+      const Estimate plain = plain_motion(guess, moved_ ? steady : guess);
+      if (!is_sudden(plain.T_current_last) &&
+          plain.support > (sure ? kSteadyShare : kPlainShare) * s)
+        return plain;
+      if (sudden && s < kSurelySudden) {
+        return Estimate{steady, consensus_.support(steady), true};
+      }
     }
     if (!consensus_.allows_blur())
       usual_support_ += (s - usual_support_) * (s > usual_support_ ? 0.5 : 0.1);
@@ -180,13 +162,45 @@ class CameraMotion {
 
   // People who fill the image and walk alike agree on a motion, too. Before half of the area is
   // behind one, what was expected, or rest, is more likely where it has some support of its own.
-  Estimate plain_motion(const Eigen::Isometry3d& expected) {
+  // Where a wrong motion hardly differs from the true one in the image (rotation and displacement
+  // before something close by), the steady one is more likely.
+  Estimate plain_motion(const Eigen::Isometry3d& expected, const Eigen::Isometry3d& steady) {
     Estimate best;
-    for (Eigen::Isometry3d T : {expected, Eigen::Isometry3d::Identity()}) {
+    double most = 0;
+    for (Eigen::Isometry3d T : {expected, steady, Eigen::Isometry3d::Identity()}) {
       const double support = consensus_.refine(T);
-      if (support > best.support) best = {T, support};
+      const double preferred = is_sudden(T) ? kSteadyShare * support : support;
+      if (preferred > most) most = preferred, best = {T, support, false};
     }
     return best;
+  }
+
+  // The displacement since the last frame at the speed of the one before.
+  Eigen::Vector3d steady_translation() const {
+    return last_motion_.translation() * (step_s_ / motion_step_s_);
+  }
+
+  // Whether it would take a camera that moved as in the last frame too great an acceleration. One
+  // that slows down stops as soon as it likes.
+  bool is_sudden(const Eigen::Isometry3d& T) const {
+    if (!moved_) return false;
+    const Eigen::Vector3d steady = steady_translation();
+    const double square = steady.squaredNorm();
+    const double share =
+        square > 0 ? std::clamp(T.translation().dot(steady) / square, 0.0, 1.0) : 0;
+    return (T.translation() - share * steady).norm() > kMostAcceleration * step_s_ * step_s_;
+  }
+
+  // A motion with that translation that shows most of the world where `T` does.
+  Eigen::Isometry3d steady_motion(const Eigen::Isometry3d& T) const {
+    double area = 0, area_per_m = 0;
+    for (const Flow& f : consensus_.flows()) area += f.area, area_per_m += f.area / f.from.z();
+    if (!moved_ || !(area > 0)) return T;
+    Eigen::Isometry3d steady = T;
+    steady.translation() = steady_translation();
+    const Eigen::Vector3d off = (steady.translation() - T.translation()) * (area_per_m / area);
+    steady.linear() = detail::rotation_matrix({off.y(), -off.x(), 0}) * T.linear();
+    return steady;
   }
 
   void follow_all(const DepthView& depth, const Eigen::Isometry3d& guess) {
@@ -213,21 +227,11 @@ class CameraMotion {
     const Eigen::Vector2f flat = current_.project(lens.ray(f.u, f.v).homogeneous());
     f.flat_u = flat.x(), f.flat_v = flat.y();
     f.area = c.dynamic ? 0 : std::min(c.depth_m, 4.0f) * std::min(c.depth_m, 4.0f);
-    const cv::Point pixel = nearest_pixel(f);
+    const cv::Point pixel = f.nearest_pixel();
     f.depth_m = current_.whole_depth(depth, pixel.x, pixel.y);
     // Of two measurements, the corner's in the last frame and this one.
     f.depth_tolerance_m = std::sqrt(2.0f) * sensor_.least_step_m(f.depth_m);
     consensus_.add(f);
-  }
-
-  // No depth edge in all of its patch.
-  bool is_smooth(const Flow& f, const DepthView& depth) const {
-    const cv::Point pixel = nearest_pixel(f);
-    return f.depth_m > 0 && current_.is_whole(depth, pixel.x, pixel.y, CornerImage::kFar);
-  }
-
-  static cv::Point nearest_pixel(const Flow& f) {
-    return {static_cast<int>(f.u + 0.5f), static_cast<int>(f.v + 0.5f)};
   }
 
   // How far apart two rotations put a corner, fine pixels.
@@ -237,55 +241,16 @@ class CameraMotion {
     return angle * static_cast<double>(current_.fx) / current_.scale;
   }
 
-  // Fills errors_; returns from which on one is not just noise.
-  float measure_errors(const Eigen::Isometry3d& T_current_last) {
-    const Eigen::Matrix3f R = T_current_last.linear().cast<float>();
-    const Eigen::Vector3f t = T_current_last.translation().cast<float>();
-    errors_.clear();
-    sorted_.clear();
-    float half = 0;
-    for (const Flow& f : consensus_.flows()) {
-      errors_.push_back(error_px(f, R * f.from + t));
-      sorted_.emplace_back(errors_.back().norm(), f.area);
-      half += 0.5f * f.area;
-    }
-    // The median by area: people close by may have most of the corners.
-    std::sort(sorted_.begin(), sorted_.end());
-    std::size_t median = 0;
-    while (median + 1 < sorted_.size() && (half -= sorted_[median].second) > 0) ++median;
-    return std::max(kLeastOutlier * static_cast<float>(current_.scale), 4 * sorted_[median].first);
-  }
-
-  Eigen::Vector2f error_px(const Flow& f, const Eigen::Vector3f& q) const {
-    if (q.z() < CornerImage::kLeastDepthM) return {1e6f, 1e6f};
-    return current_.project(q) - Eigen::Vector2f(f.flat_u, f.flat_v);
-  }
-
-  // The size of a flow's error, as far as its patch can tell (Mahalanobis distance).
-  float error_size(std::size_t i, const std::vector<Eigen::Vector2f>& errors) const {
-    return std::sqrt(std::max(0.0f, errors[i].dot(consensus_.flows()[i].information * errors[i])));
-  }
-
-  // Its displacement in the image.
-  float length_px(const Flow& f) const {
-    const float du = f.u - current_.frame_px(f.x), dv = f.v - current_.frame_px(f.y);
-    return std::sqrt(du * du + dv * dv);
-  }
-
-  static bool same_patch(const Flow& a, const Flow& b) {
-    return std::abs(a.x - b.x) <= detail::Patch::kRadius &&
-           std::abs(a.y - b.y) <= detail::Patch::kRadius;
-  }
-
   SensorModel sensor_;
   CornerImage last_, current_;
   Eigen::Isometry3d last_motion_ = Eigen::Isometry3d::Identity();
+  bool moved_ = false;  // the last motion is known
+  // Of the last frame; from the frame before, and of the last motion, seconds.
+  double last_s_ = 0, step_s_ = 0, motion_step_s_ = 1;
   double usual_support_ = 1;
   detail::RotationAlignment alignment_;
   detail::FlowConsensus consensus_, other_consensus_;
-  std::vector<Eigen::Vector2f> errors_, other_errors_;
-  std::vector<std::pair<float, float>> sorted_;  // error and area
-  std::vector<OutlierCorner> outliers_;
+  detail::OutlierClusters outliers_;
 };
 
 }  // namespace stillpoint

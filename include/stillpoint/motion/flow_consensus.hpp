@@ -5,6 +5,7 @@
 #include <Eigen/Geometry>
 #include <array>
 #include <cstddef>
+#include <opencv2/core.hpp>
 #include <optional>
 #include <vector>
 
@@ -29,6 +30,11 @@ struct Flow {
   /// Information of the patch, scaled so that its greater eigenvalue is 1: e^T information e is the
   /// square of an error without its part along an edge, which the patch cannot tell.
   Eigen::Matrix2f information;
+
+  /// In the new frame.
+  cv::Point nearest_pixel() const {
+    return {static_cast<int>(u + 0.5f), static_cast<int>(v + 0.5f)};
+  }
 };
 
 /// Corners that were followed, and the motion that most of their area agrees with.

@@ -162,7 +162,7 @@ class MotionCheck {
     const double rad_s = ego.angular_velocity().norm();
     const double smeared_share = kReadoutError * sensor_.readout_s * rad_s;
     const bool once_is_enough = rad_s < kStillRadS || pose_.shot().timestamp - start_s_ < kStartS;
-    for (const CameraMotion::OutlierCorner& corner : ego.images().outlier_clusters(
+    for (const OutlierCorner& corner : ego.images().outlier_clusters(
              context.depth, seen, ego.trusted_prediction(), smeared_share)) {
       const int cx = static_cast<int>(corner.u * per_cell);
       const int cy = static_cast<int>(corner.v * per_cell);

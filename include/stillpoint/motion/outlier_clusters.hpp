@@ -1,0 +1,126 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#pragma once
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdlib>
+#include <opencv2/core.hpp>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "stillpoint/core/depth_view.hpp"
+#include "stillpoint/motion/corner_image.hpp"
+#include "stillpoint/motion/flow_consensus.hpp"
+#include "stillpoint/motion/patch_shift.hpp"
+
+namespace stillpoint {
+
+/// A corner that moves otherwise than the camera says, with others around it that do so too.
+struct OutlierCorner {
+  /// Where it is in the new frame, raw pixels; its depth, metres.
+  float u, v, depth_m;
+};
+
+namespace detail {
+
+/// Finds such corners among those that were followed from one frame to the next.
+class OutlierClusters {
+ public:
+  /// The corners in clusters that move otherwise than a motion says, and than another one if there
+  /// is one: off by over 1.3 pixels (of 640 in a row), four times the median by area, and
+  /// `smeared_share` (blur, shutter) of their own displacement, with at least
+  /// four others within 0.3 m that move alike, and more than do not. None lies at an edge of
+  /// `depth`, that of the frame they were followed into. O(corners squared).
+  const std::vector<OutlierCorner>& find(const std::vector<Flow>& flows, const CornerImage& now,
+                                         const DepthView& depth,
+                                         const Eigen::Isometry3d& T_current_last,
+                                         const std::optional<Eigen::Isometry3d>& another,
+                                         double smeared_share) {
+    outliers_.clear();
+    if (flows.empty()) return outliers_;
+    const float limit_another = another ? measure(flows, now, *another, other_errors_) : 0;
+    const float limit = measure(flows, now, T_current_last, errors_);
+    const float per_px = std::max(kBlurError, static_cast<float>(smeared_share));
+    for (std::size_t i = 0; i < flows.size(); ++i) {
+      const Flow& f = flows[i];
+      const float size = size_of(f, errors_[i]);
+      if (size < std::max(limit, per_px * length_px(f, now)) ||
+          (another && size_of(f, other_errors_[i]) < limit_another) || !is_smooth(f, now, depth))
+        continue;
+      int with = 0, against = 0;
+      for (std::size_t j = 0; j < flows.size(); ++j) {
+        if ((f.from - flows[j].from).squaredNorm() > kClusterM * kClusterM) continue;
+        if ((errors_[i] - errors_[j]).norm() > 0.5f * size)
+          ++against;
+        else if (size_of(flows[j], errors_[j]) >= limit && !same_patch(f, flows[j]))
+          ++with;
+      }
+      if (with >= kFewestWith && with > against) outliers_.push_back({f.u, f.v, f.depth_m});
+    }
+    return outliers_;
+  }
+
+ private:
+  static constexpr float kLeastOutlier = 0.65f;  // fine pixels
+  static constexpr float kClusterM = 0.3f;
+  static constexpr int kFewestWith = 4;
+  // Of a corner's displacement: what is blurred is followed ill.
+  static constexpr float kBlurError = 0.12f;
+
+  // Fills the errors, pixels; returns from which on one is not just noise.
+  float measure(const std::vector<Flow>& flows, const CornerImage& now,
+                const Eigen::Isometry3d& T_current_last, std::vector<Eigen::Vector2f>& errors) {
+    const Eigen::Matrix3f R = T_current_last.linear().cast<float>();
+    const Eigen::Vector3f t = T_current_last.translation().cast<float>();
+    errors.clear();
+    sorted_.clear();
+    float half = 0;
+    for (const Flow& f : flows) {
+      errors.push_back(error_px(f, now, R * f.from + t));
+      sorted_.emplace_back(errors.back().norm(), f.area);
+      half += 0.5f * f.area;
+    }
+    // The median by area: people close by may have most of the corners.
+    std::sort(sorted_.begin(), sorted_.end());
+    std::size_t median = 0;
+    while (median + 1 < sorted_.size() && (half -= sorted_[median].second) > 0) ++median;
+    return std::max(kLeastOutlier * static_cast<float>(now.scale), 4 * sorted_[median].first);
+  }
+
+  static Eigen::Vector2f error_px(const Flow& f, const CornerImage& now, const Eigen::Vector3f& q) {
+    if (q.z() < CornerImage::kLeastDepthM) return {1e6f, 1e6f};
+    return now.project(q) - Eigen::Vector2f(f.flat_u, f.flat_v);
+  }
+
+  // The size of a flow's error, as far as its patch can tell (Mahalanobis distance).
+  static float size_of(const Flow& f, const Eigen::Vector2f& error) {
+    return std::sqrt(std::max(0.0f, error.dot(f.information * error)));
+  }
+
+  // Its displacement in the image.
+  static float length_px(const Flow& f, const CornerImage& now) {
+    const float du = f.u - now.frame_px(f.x), dv = f.v - now.frame_px(f.y);
+    return std::sqrt(du * du + dv * dv);
+  }
+
+  // No depth edge in all of its patch.
+  static bool is_smooth(const Flow& f, const CornerImage& now, const DepthView& depth) {
+    const cv::Point pixel = f.nearest_pixel();
+    return f.depth_m > 0 && now.is_whole(depth, pixel.x, pixel.y, CornerImage::kFar);
+  }
+
+  static bool same_patch(const Flow& a, const Flow& b) {
+    return std::abs(a.x - b.x) <= Patch::kRadius && std::abs(a.y - b.y) <= Patch::kRadius;
+  }
+
+  std::vector<Eigen::Vector2f> errors_, other_errors_;
+  std::vector<std::pair<float, float>> sorted_;  // error and area
+  std::vector<OutlierCorner> outliers_;
+};
+
+}  // namespace detail
+}  // namespace stillpoint
