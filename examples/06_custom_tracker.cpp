@@ -10,6 +10,7 @@
 #include <opencv2/calib3d.hpp>
 #include <opencv2/features2d.hpp>
 #include <stillpoint/backends/mask_files.hpp>
+#include <stillpoint/core/distortion.hpp>
 #include <stillpoint/evaluation/trajectory_error.hpp>
 #include <stillpoint/front_end.hpp>
 #include <stillpoint/io/run_sequence.hpp>
@@ -72,7 +73,9 @@ class PnpOdometry : public stillpoint::Tracker {
       const cv::Point2f p = keypoints_[static_cast<std::size_t>(i)].pt;
       const double z = stillpoint::depth_m_at(frame, cvRound(p.x), cvRound(p.y));
       if (z <= 0) continue;
-      const Eigen::Vector3d point = camera_.unproject(p.x, p.y, z);
+      const Eigen::Vector2d flat = stillpoint::undistort_pixel(camera_, {p.x, p.y});
+      if (!flat.allFinite()) continue;
+      const Eigen::Vector3d point = camera_.unproject(flat.x(), flat.y(), z);
       points_.emplace_back(point.x(), point.y(), point.z());
       point_descriptors_.push_back(descriptors_.row(i));
     }

@@ -10,6 +10,7 @@
 #include <opencv2/calib3d.hpp>
 #include <opencv2/features2d.hpp>
 #include <stillpoint/backends/mask_files.hpp>
+#include <stillpoint/core/distortion.hpp>
 #include <stillpoint/evaluation/trajectory_error.hpp>
 #include <stillpoint/front_end.hpp>
 #include <stillpoint/io/tum_sequence.hpp>
@@ -52,7 +53,9 @@ struct Odometry {
       const cv::Point2f p = keypoints[i].pt;
       const double z = stillpoint::depth_m_at(frame, cvRound(p.x), cvRound(p.y));
       if (z <= 0) continue;
-      const Eigen::Vector3d point = camera.unproject(p.x, p.y, z);
+      const Eigen::Vector2d flat = stillpoint::undistort_pixel(camera, {p.x, p.y});
+      if (!flat.allFinite()) continue;
+      const Eigen::Vector3d point = camera.unproject(flat.x(), flat.y(), z);
       points.emplace_back(point.x(), point.y(), point.z());
       point_descriptors.push_back(descriptors.row(static_cast<int>(i)));
     }

@@ -116,6 +116,15 @@ TEST(Ros2CameraInfo, PlumbBobIsOurLens) {
   EXPECT_FALSE(c.distorted());
 }
 
+TEST(Ros2CameraInfo, WhatIsNotKnownIsNoChange) {
+  CameraInfoMessage m = info("plumb_bob", {});
+  m.p[0] = std::nan("");
+  const CameraInfoMessage same = m;
+  EXPECT_TRUE(m == same);
+  m.p[0] = 500;
+  EXPECT_FALSE(m == same);
+}
+
 TEST(Ros2CameraInfo, RectifiedImagesHaveTheProjectionsCamera) {
   Camera c;
   ASSERT_EQ(to_camera(info("equidistant", {1, 2, 3, 4}), kVga, true, 1000, c), "");

@@ -115,6 +115,13 @@ struct Counts {
   }
 };
 
+Json camera_key(const std::optional<Camera>& camera) {
+  if (!camera) return nullptr;
+  const Camera& c = *camera;
+  return {c.fx,        c.fy, c.cx, c.cy, c.k1, c.k2, c.p1, c.p2, c.k3, c.fps, c.depth_units_per_m,
+          c.exposure_s};
+}
+
 /// What masks in a folder are of: an unfinished run is gone on with by the same settings only.
 Json key_of(const MaskSettings& settings, const FrontEndSettings& front_end,
             const TumSequence& sequence, std::size_t count) {
@@ -138,6 +145,7 @@ Json key_of(const MaskSettings& settings, const FrontEndSettings& front_end,
           {"network_only", settings.network_only},
           {"segmenter", run.segmenter},
           {"model", run.model.filename().string()},
+          {"model_config", run.model_config.filename().string()},
           {"decoder", run.decoder},
           {"input_size", run.input_size},
           {"masks", run.masks.string()},
@@ -147,6 +155,7 @@ Json key_of(const MaskSettings& settings, const FrontEndSettings& front_end,
           {"last", sequence.entry(count - 1).color_path.filename().string()},
           {"last_s", sequence.entry(count - 1).timestamp},
           {"bytes", bytes},
+          {"camera", camera_key(sequence.camera())},
           {"dynamic_classes", classes},
           {"settings", all_settings(front_end)}};
 }

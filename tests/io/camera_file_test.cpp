@@ -88,6 +88,15 @@ TEST(CameraFile, SaysWhatIsWrong) {
                "KannalaBrandt8");
 }
 
+TEST(CameraFile, RefusesARationalLens) {
+  TemporaryFolder folder;
+  const std::string small = std::string(kSmall) + "DepthMapFactor: 1000\nCamera.k1: 0.4\n";
+  EXPECT_NO_THROW(load_camera(folder.write("c.yaml", small + "Camera.k4: 0\nCamera.k6: 0.0\n")));
+  for (const char* name : {"Camera.k4", "Camera.k5", "Camera.k6"})
+    EXPECT_ERROR(load_camera(folder.write("c.yaml", small + name + ": 0.5\n")), "c.yaml", name,
+                 "rational");
+}
+
 TEST(CameraFile, BuiltInCamerasByName) {
   EXPECT_DOUBLE_EQ(stillpoint::camera_by_name("fr1").fx, 517.306408);
   EXPECT_DOUBLE_EQ(stillpoint::camera_by_name("fr2").fx, 520.908620);

@@ -51,6 +51,16 @@ TEST(ImageFolder, TakesTimestampsAndDepthByTheirNames) {
   EXPECT_FLOAT_EQ(depth_m_at(images.load(1), 3, 3), 0.07f);
 }
 
+TEST(ImageFolder, SortsTimestampsThoughTrailingZerosAreMissing) {
+  TemporaryFolder folder;
+  for (const char* name : {"1548266469.98.png", "1548266469.8817.png", "1548266469.81544.png"})
+    image(folder, name);
+  const TumSequence images = image_folder(folder.path());
+  EXPECT_EQ(images.timestamps(),
+            (std::vector<double>{1548266469.81544, 1548266469.8817, 1548266469.98}));
+  EXPECT_EQ(images.entry(0).stem, "1548266469.81544");
+}
+
 TEST(ImageFolder, RefusesWhatIsNone) {
   TemporaryFolder folder;
   EXPECT_ERROR(image_folder(folder / "absent"), "no such folder");

@@ -39,7 +39,7 @@ std::optional<Segmentation> brought(const py::object& labels, const py::object& 
   result.available = true;
   result.instances = !labels.is_none()      ? instances_of_labels(labels, size)
                      : !instances.is_none() ? instances_of_list(instances, "instances")
-                                            : instances_of_boxes(boxes);
+                                            : instances_of_boxes(boxes, size);
   return result;
 }
 

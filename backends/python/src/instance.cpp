@@ -165,14 +165,21 @@ std::vector<Instance> instances_of_list(const py::object& value, const char* whe
   return instances;
 }
 
-std::vector<Instance> instances_of_boxes(const py::object& value) {
+std::vector<Instance> instances_of_boxes(const py::object& value, const cv::Size& size) {
   const py::array_t<double> table = table_of(value, 4, "boxes");
   const auto b = table.unchecked<2>();
-  std::vector<Instance> instances(static_cast<std::size_t>(table.shape(0)));
-  for (std::size_t i = 0; i < instances.size(); ++i) {
-    const auto k = static_cast<py::ssize_t>(i);
-    instances[i].box =
-        box_of(b(k, 0), b(k, 1), b(k, 2), b(k, 3), "boxes[" + std::to_string(i) + "]");
+  std::vector<Instance> instances;
+  for (py::ssize_t i = 0; i < table.shape(0); ++i) {
+    Instance instance;
+    instance.box = box_of(b(i, 0), b(i, 1), b(i, 2), b(i, 3), "boxes[" + std::to_string(i) + "]");
+    // Detectors round beyond the image's border. What reaches farther, as corners taken for sizes
+    // do, is refused by the front end.
+    const cv::Rect image(cv::Point(), size), border(-2, -2, size.width + 4, size.height + 4);
+    if (instance.box.width >= 0 && (instance.box & border) == instance.box) {
+      instance.box &= image;
+      if (instance.box.empty()) continue;
+    }
+    instances.push_back(std::move(instance));
   }
   return instances;
 }

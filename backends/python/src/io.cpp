@@ -110,11 +110,11 @@ void bind_io(py::module_& m) {
   m.def(
       "read_color",
       [](const py::object& path) { return array_of(read_color(path_of(path, "path"))); },
-      py::arg("path"), "Reads a color image: (H, W, 3) uint8, BGR, or (H, W), gray.");
+      py::arg("path"), "Reads a color image, a gray one too: (H, W, 3) uint8, BGR.");
   m.def(
       "read_depth",
       [](const py::object& path) { return array_of(read_depth(path_of(path, "path"))); },
-      py::arg("path"), "Reads a depth image: (H, W) uint16 or float32, as stored.");
+      py::arg("path"), "Reads a depth image: (H, W) uint16, as stored.");
   m.def(
       "read_labels",
       [](const py::object& path, const py::object& shape) {

@@ -159,3 +159,12 @@ def test_components_alone(scene):
     assert (fuser.undilated() > 0).sum() < (mask > 0).sum()
     compensator.reset()
     assert len(keypoint_filter.filter(scene.keypoints, None).kept) == 600
+
+
+def test_boxes_may_reach_a_pixel_beyond_the_image():
+    color = np.full((48, 64), 90, np.uint8)
+    masks = [
+        stillpoint.FrontEnd().compute_mask(color, timestamp=1, boxes=boxes)
+        for boxes in ([[-0.4, 10, 20.4, 30], [50, 20, 14.3, 20]], [[0, 10, 20, 30], [50, 20, 14, 20]])
+    ]
+    assert masks[0].any() and np.array_equal(*masks)

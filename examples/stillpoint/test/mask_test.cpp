@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cstdlib>
+#include <fstream>
 #include <opencv2/imgproc.hpp>
 
 #include "cli_fixture.hpp"
@@ -164,6 +165,10 @@ TEST_F(Mask, GoesOnAfterAKillWithTheSameBytes) {
   EXPECT_NE(again.out.find("0 masks written, 12 were there"), std::string::npos) << again.out;
   expect_error(options + "k_depth2 --out k_cut --set dilation_px=3", 1,
                "masks with another settings");
+  std::ofstream(path("other.yaml"))
+      << "Camera.fx: 300\nCamera.fy: 300\nCamera.cx: 160\nCamera.cy: 120\nDepthMapFactor: 1000\n";
+  expect_error(options + "k_depth2 --out k_cut --camera other.yaml", 1,
+               "masks with another camera");
 }
 
 }  // namespace

@@ -95,6 +95,18 @@ class CameraFileReader {
   explicit CameraFileReader(const std::filesystem::path& path)
       : file_("camera file " + path.string()), yaml_(read_file(path, "camera file")) {}
 
+  /// Refuses a rational lens: its k1 to k3 mean nothing alone.
+  void check_lens() const {
+    for (const Names& names : {Names{"Camera.k4", "Camera1.k4"}, Names{"Camera.k5", "Camera1.k5"},
+                               Names{"Camera.k6", "Camera1.k6"}}) {
+      const double k = number(names).value_or(0);
+      check(k == 0, [&] {
+        return file_ + ": " + *names.begin() + ": expected a lens of k1, k2, p1, p2, k3, found " +
+               std::to_string(k) + " of a rational model; undistort the images beforehand";
+      });
+    }
+  }
+
   std::optional<double> number(Names names) const {
     const auto* value = yaml_.find(names);
     if (!value) return std::nullopt;
@@ -155,8 +167,8 @@ class CameraFileReader {
 /// `DepthMapFactor` (units of a 16-bit depth image per metre); `exposure_ms`. Also ORB_SLAM3's
 /// `Camera1.fx`, `RGBD.DepthMapFactor`, and stella_vslam's nested `Camera:` with `cols`, `rows`,
 /// `depthmap_factor`. The `%YAML:1.0` line is optional. Focal lengths, principal point and depth
-/// factor must be there; a size that is not given stays 0, distortion 0. Throws Error naming file,
-/// line, what was expected and what was found.
+/// factor must be there; a size that is not given stays 0, distortion 0. A rational lens (k4, k5,
+/// k6) is refused. Throws Error naming file, line, what was expected and what was found.
 inline Camera load_camera(const std::filesystem::path& path) {
   const detail::CameraFileReader reader(path);
   reader.check_model();
@@ -170,6 +182,7 @@ inline Camera load_camera(const std::filesystem::path& path) {
   camera.p1 = reader.number({"Camera.p1", "Camera1.p1"}).value_or(0);
   camera.p2 = reader.number({"Camera.p2", "Camera1.p2"}).value_or(0);
   camera.k3 = reader.number({"Camera.k3", "Camera1.k3"}).value_or(0);
+  reader.check_lens();
   camera.width = reader.pixels({"Camera.width", "Camera.cols"});
   camera.height = reader.pixels({"Camera.height", "Camera.rows"});
   camera.fps = reader.number({"Camera.fps"}).value_or(30);

@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <map>
 #include <optional>
+#include <set>
 #include <string>
 #include <system_error>
 #include <utility>
@@ -52,6 +53,20 @@ inline bool natural_less(const std::string& a, const std::string& b) {
   return a.size() - i < b.size() - j || (i == a.size() && j == b.size() && a < b);
 }
 
+/// Takes timestamps from the names, if all are different numbers with a decimal point; trailing
+/// zeros may be missing.
+inline bool read_times(std::vector<SequenceEntry>& entries) {
+  std::set<double> times;
+  for (SequenceEntry& entry : entries) {
+    const auto time = parse_number(entry.stem);
+    if (!time || *time < 0 || entry.stem.find('.') == std::string::npos ||
+        !times.insert(*time).second)
+      return false;
+    entry.timestamp = *time;
+  }
+  return true;
+}
+
 /// The images (PNG, JPEG) of a folder by their stem.
 inline std::map<std::string, std::filesystem::path> images_by_stem(
     const std::filesystem::path& folder) {
@@ -79,9 +94,9 @@ inline std::map<std::string, std::filesystem::path> images_by_stem(
 }  // namespace detail
 
 /// The images of a folder as a sequence, by name (numbers in names count as numbers). Names that
-/// are ascending numbers with a decimal point are timestamps in seconds; others are `fps` apart.
-/// Images without a depth image are taken without depth. Throws Error if a folder is missing, there
-/// is no image, or two images have one stem. O(n log n) in the number of files.
+/// are numbers with a decimal point, no two alike, are timestamps in seconds; others are `fps`
+/// apart. Images without a depth image are taken without depth. Throws Error if a folder is
+/// missing, there is no image, or two images have one stem. O(n log n) in the number of files.
 inline TumSequence image_folder(const std::filesystem::path& folder,
                                 const ImageFolderSettings& settings = {}) {
   detail::check(settings.fps > 0, [&] {
@@ -102,18 +117,10 @@ inline TumSequence image_folder(const std::filesystem::path& folder,
     if (const auto found = depth.find(stem); found != depth.end()) entry.depth_path = found->second;
     entries.push_back(std::move(entry));
   }
-  std::sort(entries.begin(), entries.end(), [](const SequenceEntry& a, const SequenceEntry& b) {
-    return detail::natural_less(a.stem, b.stem);
+  const bool named_by_time = detail::read_times(entries);
+  std::sort(entries.begin(), entries.end(), [=](const SequenceEntry& a, const SequenceEntry& b) {
+    return named_by_time ? a.timestamp < b.timestamp : detail::natural_less(a.stem, b.stem);
   });
-  bool named_by_time = true;
-  double last_s = -1;
-  for (SequenceEntry& entry : entries) {
-    const auto time = detail::parse_number(entry.stem);
-    named_by_time =
-        named_by_time && time && *time > last_s && entry.stem.find('.') != std::string::npos;
-    if (!named_by_time) break;
-    entry.timestamp = last_s = *time;
-  }
   for (std::size_t i = 0; i < entries.size(); ++i) {
     if (!named_by_time) entries[i].timestamp = static_cast<double>(i) / settings.fps;
     entries[i].depth_timestamp = entries[i].timestamp;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstddef>
@@ -61,9 +62,18 @@ struct CameraInfoMessage {
 
   bool operator==(const CameraInfoMessage& o) const {
     return width == o.width && height == o.height && distortion_model == o.distortion_model &&
-           d == o.d && k == o.k && p == o.p && binning_x == o.binning_x &&
+           same(d, o.d) && same(k, o.k) && same(p, o.p) && binning_x == o.binning_x &&
            binning_y == o.binning_y && roi_x == o.roi_x && roi_y == o.roi_y &&
            roi_width == o.roi_width && roi_height == o.roi_height;
+  }
+
+ private:
+  // NaN, for what is not known, is as good as another one.
+  template <class Numbers>
+  static bool same(const Numbers& a, const Numbers& b) {
+    return std::equal(a.begin(), a.end(), b.begin(), b.end(), [](double x, double y) {
+      return x == y || (std::isnan(x) && std::isnan(y));
+    });
   }
 };
 
