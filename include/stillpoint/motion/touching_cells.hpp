@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <opencv2/core.hpp>
 #include <vector>
 
 #include "stillpoint/motion/depth_cells.hpp"
@@ -68,12 +69,14 @@ class TouchingCells {
   // as well as its columns, as people are straight, too, from foot to head. From each corner of the
   // image once, so that it goes on from cell to cell.
   void release_planes(const DepthCells& cells, const std::vector<std::uint8_t>& dynamic) {
+    cv::Rect box;  // of all that touches
+    for (const Visit& visit : queue_) box |= cv::Rect(visit.x, visit.y, 1, 1);
     for (const bool from_below : {false, true})
       for (const bool from_right : {false, true})
-        for (int j = 0; j < cells.height; ++j)
-          for (int i = 0; i < cells.width; ++i) {
-            const int x = from_right ? cells.width - 1 - i : i;
-            const int y = from_below ? cells.height - 1 - j : j;
+        for (int j = 0; j < box.height; ++j)
+          for (int i = 0; i < box.width; ++i) {
+            const int x = from_right ? box.br().x - 1 - i : box.x + i;
+            const int y = from_below ? box.br().y - 1 - j : box.y + j;
             const std::size_t cell = cells.index(x, y);
             if (touching_[cell] != 0 && dynamic[cell] == 0 && continues_planes(cells, x, y))
               touching_[cell] = 0;
