@@ -146,14 +146,12 @@ class CameraMotion {
     found.support = s;
     const bool sure = s >= kSure, sudden = is_sudden(found.T_current_last);
     if (!sure || sudden) {
-      const Eigen::Isometry3d steady = steady_motion(found.T_current_last);
-      const Estimate plain = plain_motion(guess, moved_ ? steady : guess);
+      const Eigen::Isometry3d steady = moved_ ? steady_motion(found.T_current_last) : guess;
+      const Estimate plain = plain_motion(guess, steady);
       if (!is_sudden(plain.T_current_last) &&
           plain.support > (sure ? kSteadyShare : kPlainShare) * s)
         return plain;
-      if (sudden && s < kSurelySudden) {
-        return Estimate{steady, consensus_.support(steady), true};
-      }
+      if (sudden && s < kSurelySudden) return Estimate{steady, consensus_.support(steady), true};
     }
     if (!consensus_.allows_blur())
       usual_support_ += (s - usual_support_) * (s > usual_support_ ? 0.5 : 0.1);
@@ -195,7 +193,6 @@ class CameraMotion {
   Eigen::Isometry3d steady_motion(const Eigen::Isometry3d& T) const {
     double area = 0, area_per_m = 0;
     for (const Flow& f : consensus_.flows()) area += f.area, area_per_m += f.area / f.from.z();
-    if (!moved_ || !(area > 0)) return T;
     Eigen::Isometry3d steady = T;
     steady.translation() = steady_translation();
     const Eigen::Vector3d off = (steady.translation() - T.translation()) * (area_per_m / area);
