@@ -13,6 +13,7 @@
 #include <stillpoint/front_end.hpp>
 #include <stillpoint/io/image_file.hpp>
 #include <stillpoint/testing/segmenter_conformance.hpp>
+#include <thread>
 
 #include "../../tests/io/temporary_folder.hpp"
 
@@ -187,6 +188,19 @@ TEST_F(DnnGraphs, RefusesBrokenFiles) {
     bytes[i] = static_cast<char>(bytes[i] ^ (1 << (i % 8)));
     EXPECT_ANY_THROW(load(bytes));
   }
+}
+
+TEST_F(DnnGraphs, GiveOpenCvItsLogBackWhenTwoThreadsAreDone) {
+  namespace logging = cv::utils::logging;
+  const auto before = logging::setLogLevel(logging::LOG_LEVEL_WARNING);
+  const auto work = [] {
+    OpenCvDnnSegmenter segmenter(graph("yolo"));
+    for (int i = 0; i < 200; ++i) segmenter.segment(plain_frame());
+  };
+  std::thread other(work);
+  work();
+  other.join();
+  EXPECT_EQ(logging::setLogLevel(before), logging::LOG_LEVEL_WARNING);
 }
 
 TEST_F(DnnGraphs, NanScoresAreAnError) {

@@ -31,6 +31,25 @@ TEST(SlamSystem, SaysThatItIsLostAndGoesOnInTheSameFrameOfReference) {
   EXPECT_EQ(slam.trajectory().size(), 21u);
 }
 
+TEST(SlamSystem, ATrajectoryIsInOrderThoughTheClockWasSetBack) {
+  for (const bool revise : {true, false}) {
+    SlamSystem::Settings settings = small_settings();
+    settings.revise_poses = revise;
+    SlamSystem slam(camera(), settings);
+    const double times[] = {1.0, 1.1, 1.2, 1.05, 1.15, 1.2, 1.25};
+    for (int i = 0; i < 7; ++i) ASSERT_TRUE(feed(slam, render(path(3 * i), times[i])).has_value());
+    const Trajectory trajectory = slam.trajectory();
+    ASSERT_EQ(trajectory.size(), 6u) << "1.2 came twice";
+    const int frames[] = {0, 3, 1, 4, 5, 6};
+    for (std::size_t k = 0; k < 6; ++k) {
+      EXPECT_DOUBLE_EQ(trajectory[k].timestamp, times[frames[k]]);
+      EXPECT_LT(distance(trajectory[k].T_world_camera,
+                         trajectory[0].T_world_camera * path(0).inverse() * path(3 * frames[k])),
+                0.03);
+    }
+  }
+}
+
 // Two seconds of trouble at 10 Hz in the middle of a walk: what was tracked, and what was lost.
 class Trouble : public testing::Test {
  protected:

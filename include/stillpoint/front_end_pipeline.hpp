@@ -46,7 +46,7 @@ class FrontEndPipeline {
   }
 
   void compute(const RgbdFrame& frame, const std::optional<Eigen::Isometry3d>& T_current_last) {
-    check_frame(frame);
+    check_frame(frame, camera_);
     Stopwatch stopwatch;
     const Segmentation& segmentation = intake_.ask(segmenter_, frame);
     const double ms = stopwatch.lap_ms();
@@ -95,7 +95,7 @@ class FrontEndPipeline {
   // (3.3) follow in select().
   void process(const RgbdFrame& frame, const Segmentation& segmentation,
                const std::optional<Eigen::Isometry3d>& T_current_last) {
-    check_frame(frame);
+    check_frame(frame, camera_);
     check_segmentation(segmentation, frame.color.size());
     tracker_.finish(place());
     Stopwatch stopwatch;

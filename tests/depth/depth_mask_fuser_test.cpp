@@ -7,6 +7,7 @@
 #include <limits>
 #include <opencv2/imgproc.hpp>
 
+#include "../any_size.hpp"
 #include "../flat_scene.hpp"
 #include "../io/temporary_folder.hpp"
 #include "stillpoint/core/random.hpp"
@@ -475,7 +476,7 @@ TEST(DepthMaskFuser, SeparatesTwoPeople) {
 class DepthMaskFuserMethods : public ::testing::TestWithParam<bool> {
  protected:
   Settings settings() const { return GetParam() ? Settings::paper() : Settings(); }
-  DepthMaskFuser fuser() const { return DepthMaskFuser(settings(), room().camera()); }
+  DepthMaskFuser fuser() const { return DepthMaskFuser(settings(), of_any_size(room().camera())); }
   // The lower leg is missing.
   static std::vector<Instance> instances() {
     Instance s = box_instance(kPerson.box, room().size);

@@ -66,12 +66,33 @@ TEST(GhostCounter, WhatIsStaticThereIsNoGhost) {
   EXPECT_EQ(counter.count(map, T).ghosts, 0u);
 }
 
+TEST(GhostCounter, AMaskMayBeAPartOfALargerImage) {
+  GhostCounter counter;
+  const Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+  Scene scene(false);
+  scene.people(cv::Rect(0, 40, 8, 40)) = 1;  // somebody leans at the wall, at the border
+  counter.add(scene.frame, camera(), scene.people, T);
+  const std::vector<ColoredPoint> map{point(-2.3, 0, 3)};
+  EXPECT_EQ(counter.count(map, T).ghosts, 1u);
+  cv::Mat larger(200, 300, CV_8UC1, cv::Scalar(1));  // people all around
+  cv::Mat nobody = larger(cv::Rect(70, 40, 160, 120));
+  nobody.setTo(0);
+  counter.add(Scene(false).frame, camera(), nobody, T);
+  EXPECT_EQ(counter.count(map, T).ghosts, 0u) << "the wall was seen there";
+}
+
 TEST(GhostCounter, ChecksItsInput) {
   GhostCounter counter;
   const Scene scene(true);
   const Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
   EXPECT_THROW(counter.add(scene.frame, camera(), cv::Mat(), T), Error);
   EXPECT_THROW(counter.add(scene.frame, Camera(), scene.people, T), Error);
+  Camera other = camera();
+  other.width = 640, other.height = 480;
+  EXPECT_THROW(counter.add(scene.frame, other, scene.people, T), Error);
+  Eigen::Isometry3d far = T;
+  far.translation().x() = 1e6;
+  EXPECT_THROW(counter.add(scene.frame, camera(), scene.people, far), Error);
   GhostCounter::Settings settings;
   settings.cell_m = 0;
   EXPECT_THROW(GhostCounter{settings}, Error);

@@ -7,6 +7,7 @@
 #include <functional>
 #include <stdexcept>
 
+#include "../any_size.hpp"
 #include "../flat_scene.hpp"
 #include "../io/temporary_folder.hpp"
 #include "stillpoint/core/random.hpp"
@@ -507,7 +508,7 @@ TEST(FrontEnd, DoubtsAPersonWhoSuddenlyFillsTheImage) {
 TEST(FrontEnd, TakesAnotherSizeOnTheWay) {
   for (const FrontEndSettings& settings : {FrontEndSettings::network_only(), FrontEndSettings()}) {
     Walk walk;
-    FrontEnd front_end(settings, walk.scene.camera());
+    FrontEnd front_end(settings, of_any_size(walk.scene.camera()));
     front_end.compute_mask(walk.frame(0), result(walk.people(0)));
     walk.scene.size = {160, 120};
     RgbdFrame frame = walk.frame(1);
@@ -518,6 +519,20 @@ TEST(FrontEnd, TakesAnotherSizeOnTheWay) {
     EXPECT_NO_THROW(front_end.compute_mask(walk.frame(2), result(small)));
     EXPECT_NO_THROW(front_end.compute_mask(walk.frame(3), result(small)));
   }
+}
+
+TEST(FrontEnd, RefusesImagesOfAnotherSizeThanTheCameras) {
+  Walk walk;
+  FrontEnd front_end(FrontEndSettings(), walk.scene.camera());
+  front_end.compute_mask(walk.frame(0), result(walk.people(0)));
+  RgbdFrame reduced = walk.frame(1);
+  cv::resize(reduced.color, reduced.color, {160, 120});
+  cv::resize(reduced.depth, reduced.depth, {160, 120}, 0, 0, cv::INTER_NEAREST);
+  EXPECT_ERROR(front_end.compute_mask(reduced, Segmentation()), "frame.color",
+               "camera's size 320x240", "found 160x120", "Camera::resized");
+  EXPECT_NO_THROW(front_end.compute_mask(walk.frame(2), result(walk.people(2))));
+  FrontEnd of_reduced(FrontEndSettings(), walk.scene.camera().resized(160, 120));
+  EXPECT_NO_THROW(of_reduced.compute_mask(reduced, Segmentation()));
 }
 
 // Everything that a run gives out.

@@ -96,7 +96,7 @@ struct FuzzLoaders : testing::Test {
     stillpoint::write_image(folder / "rgb/2.000000.jpg", pattern(CV_8UC3));
     stillpoint::write_image(folder / "depth/1.01.png", pattern(CV_16UC1));
     stillpoint::write_image(folder / "depth/2.01.png", pattern(CV_16UC1));
-    stillpoint::write_image(folder / "mask.png", pattern(CV_8UC1));
+    stillpoint::write_image(folder / "mask.png", pattern(CV_8UC1) / 8);
     // libpng and libjpeg tell stderr about each broken image.
     testing::internal::CaptureStderr();
   }

@@ -43,8 +43,6 @@ TEST(MaskFolder, ZeroAnd255IsSplitIntoParts) {
   EXPECT_EQ(pixels(instances[0]), 65);
   EXPECT_EQ(instances[1].box, cv::Rect(20, 2, 10, 10));
   EXPECT_EQ(instances_from_labels(labels, "person", 4).size(), 3u);
-  labels.at<uchar>(0, 0) = 1;  // now these are labels: 1 and 255
-  EXPECT_EQ(instances_from_labels(labels, "person", 5).size(), 2u);
 }
 
 TEST(MaskFolder, NothingEverywhereAndTooManyParts) {
@@ -119,6 +117,22 @@ TEST(MaskFolder, RefusesOtherPictures) {
   const std::string bytes = stillpoint::read_file(folder / "m.png", "mask");
   folder.write("m.png", bytes.substr(0, bytes.size() / 2));
   EXPECT_ERROR(read(), "m.png", "truncated");
+}
+
+TEST(MaskFolder, RefusesA0And255MaskWhoseEdgesAreBlurred) {
+  TemporaryFolder folder;
+  cv::Mat mask = cv::Mat::zeros(kSize, CV_8UC1);
+  mask(cv::Rect(10, 10, 12, 12)) = 255;
+  EXPECT_EQ(stillpoint::instances_from_labels(mask).size(), 1u);
+  cv::Mat resized;
+  cv::resize(mask, resized, kSize * 2, 0, 0, cv::INTER_LINEAR);
+  EXPECT_ERROR(stillpoint::instances_from_labels(resized), "found 255 beside", "interpolation");
+  std::vector<uchar> jpeg;
+  cv::imencode(".jpg", mask, jpeg);
+  stillpoint::write_image(folder / "m.png", cv::imdecode(jpeg, cv::IMREAD_UNCHANGED));
+  EXPECT_ERROR(stillpoint::read_labels(folder / "m.png", kSize), "m.png", "JPEG");
+  mask(cv::Rect(12, 12, 3, 3)) = 7;  // an instance, and pixels to ignore
+  EXPECT_ERROR(stillpoint::instances_from_labels(mask), "beside 1 other", "set it to 0");
 }
 
 }  // namespace

@@ -7,6 +7,7 @@
 #include <limits>
 #include <utility>
 
+#include "../any_size.hpp"
 #include "../io/temporary_folder.hpp"
 
 namespace {
@@ -157,6 +158,27 @@ TEST(DenseMap, RefusesAPoseThatIsNotFinite) {
   EXPECT_EQ(map.size(), 0u);
   map.integrate(wall(2), camera(), DynamicMask(), Eigen::Isometry3d::Identity());
   EXPECT_GT(map.size(), 0u);
+}
+
+TEST(DenseMap, RefusesAPlaceWhereVoxelsWouldCollapse) {
+  DenseMap map;
+  Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+  T.translation().y() = 10000;  // metres; of a projected map, for example
+  map.integrate(wall(2), camera(), DynamicMask(), T);
+  EXPECT_GT(map.size(), 1000u);
+  T.translation().y() = -5.4e6;
+  EXPECT_ERROR(map.integrate(wall(2), camera(), DynamicMask(), T), "T_world_camera",
+               "m of the origin", "-5400000", "take the first pose for the origin");
+}
+
+TEST(DenseMap, RefusesFramesOfAnotherSizeThanTheCameras) {
+  DenseMap map;
+  Camera larger = camera();
+  larger.width *= 2, larger.height *= 2;
+  EXPECT_ERROR(map.integrate(wall(2), larger, DynamicMask(), Eigen::Isometry3d::Identity()),
+               "frame.color", "camera's size 320x240", "found 160x120", "Camera::resized");
+  EXPECT_NO_THROW(
+      map.integrate(wall(2), of_any_size(larger), DynamicMask(), Eigen::Isometry3d::Identity()));
 }
 
 TEST(DenseMap, RefusesWrongInput) {

@@ -12,6 +12,7 @@
 #include <string>
 #include <utility>
 
+#include "../any_size.hpp"
 #include "check_alone.hpp"
 #include "small_camera.hpp"
 #include "stillpoint/core/random.hpp"
@@ -361,10 +362,11 @@ TEST(CameraMotion, TakesImagesOfAnySize) {
     frame.color = cv::Mat(height, width, CV_8UC1, cv::Scalar(90));
     frame.depth = cv::Mat(height, width, CV_16UC1, cv::Scalar(5000));
     CameraMotion motion;
-    CheckAlone check(small_camera());
+    const Camera camera = of_any_size(small_camera());
+    CheckAlone check(camera);
     for (const double t : {0.0, 0.03}) {
       frame.timestamp = t;
-      EXPECT_FALSE(add(motion, frame, T).has_value());
+      EXPECT_FALSE(add(motion, frame, T, camera).has_value());
       EXPECT_TRUE(check.find(frame, T).empty());
       check.remember(cv::Mat::zeros(height, width, CV_8UC1));
     }

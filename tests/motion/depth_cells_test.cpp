@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <opencv2/core.hpp>
 
+#include "../any_size.hpp"
 #include "small_camera.hpp"
 #include "stillpoint/core/frame_context.hpp"
 
@@ -68,7 +69,7 @@ TEST(DepthCells, KnowTheRaysOfAnImageThatTurned) {
     frame.color = cv::Mat(size, CV_8UC1, cv::Scalar(100));
     frame.depth = cv::Mat(size, CV_16UC1, cv::Scalar(10000));
     FrameContext context;
-    context.begin(frame, small_camera());
+    context.begin(frame, of_any_size(small_camera()));
     cells.set(context.depth, kBlock);
     for (int y = 0; y < cells.height; ++y)
       for (int x = 0; x < cells.width; ++x) {
@@ -94,7 +95,7 @@ TEST(DepthCells, AreTheMeansOfTheirPixels) {
         frame.depth.at<std::uint16_t>(y, x) = static_cast<std::uint16_t>(
             (x < 70 && y < 70) || random.uniform(0, 3) == 0 ? 0 : (x < 200 ? 2000 : 3000) + x / 4);
     FrameContext context;
-    context.begin(frame, small_camera());
+    context.begin(frame, of_any_size(small_camera()));
     DepthCells cells;
     cells.set(context.depth, block);
     ASSERT_EQ(cells.width, 300 / block);

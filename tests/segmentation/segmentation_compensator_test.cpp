@@ -7,6 +7,7 @@
 #include <optional>
 #include <tuple>
 
+#include "../any_size.hpp"
 #include "../flat_scene.hpp"
 #include "../io/temporary_folder.hpp"
 
@@ -788,12 +789,14 @@ TEST(SegmentationCompensator, DepthIn32BitMetresGivesTheSame) {
 
 TEST(SegmentationCompensator, TakesImagesOfAnotherSize) {
   const Walker walker;
-  Show show;
-  show.show(0, {walker});
-  FlatScene small;
-  small.size = {64, 48};
-  EXPECT_NO_THROW(show.compensator.compensate(small.frame(kStart + 1, {}), result({})));
-  EXPECT_NO_THROW(show.compensator.compensate(small.frame(kStart + 1.1, {}), Segmentation()));
+  FlatScene scene;
+  SegmentationCompensator compensator({}, of_any_size(scene.camera()));
+  const Figure figure = walker.at(0);
+  compensator.compensate(scene.frame(kStart, {figure}),
+                         result({box_instance(figure.box, scene.size)}));
+  scene.size = {64, 48};
+  EXPECT_NO_THROW(compensator.compensate(scene.frame(kStart + 1, {}), result({})));
+  EXPECT_NO_THROW(compensator.compensate(scene.frame(kStart + 1.1, {}), Segmentation()));
 }
 
 TEST(SegmentationCompensator, RefusesBadInput) {

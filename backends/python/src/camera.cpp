@@ -116,6 +116,14 @@ void bind_camera(py::module_& m) {
           "load", [](const py::object& file) { return load_camera(path_of(file, "Camera.load")); },
           py::arg("path"), "Reads an ORB-SLAM style YAML file (camera.yaml).")
       .def(
+          "resized",
+          [](const Camera& c, const py::object& width, const py::object& height) {
+            return c.resized(static_cast<int>(whole_of(width, "Camera.resized: width")),
+                             static_cast<int>(whole_of(height, "Camera.resized: height")));
+          },
+          py::arg("width"), py::arg("height"),
+          "The camera of images that are resized to so many pixels.")
+      .def(
           "matrix",
           [](const Camera& c) {
             py::array_t<double> k({3, 3});

@@ -78,7 +78,10 @@ void bind_segmenter(py::module_& m) {
           "Segments an RgbdFrame. Returns a Segmentation, a label image (H, W) uint8 or bool, a\n"
           "list of Instance, or None: no result for this frame.")
       .def(
-          "classes", [](const Segmenter& segmenter) { return segmenter.classes(); },
+          "classes",
+          [](const Segmenter& segmenter) {
+            return without_gil([&] { return segmenter.classes(); });
+          },
           "Names of the classes that it can report; [] = not known.");
 }
 

@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include <chrono>
 #include <memory>
+#include <mutex>
+#include <optional>
 #include <set>
+#include <shared_mutex>
 
 #include "bindings.hpp"
 #include "calls.hpp"
@@ -17,8 +20,41 @@
 namespace stillpoint::python {
 namespace {
 
-/// A DetectionThread that ends without the GIL, which its segmenter may wait for.
+/// A segmenter that two threads may share: a network is used by one frame at a time, the others
+/// wait for their turn.
+template <class Inner>
+class Shared : public Inner {
+ public:
+  using Inner::Inner;
+  Segmentation segment(const RgbdFrame& frame) override {
+    const std::lock_guard<std::mutex> turn(mutex_);
+    return Inner::segment(frame);
+  }
+
+ private:
+  std::mutex mutex_;
+};
+
+/// A DetectionThread that one Python thread may close while others use it, and that ends without
+/// the GIL, which its segmenter may wait for.
 class PyDetectionThread : public Segmenter {
+ private:
+  /// Gives the GIL back while it lives, if this thread has it.
+  struct WithoutGil {
+    WithoutGil() {
+      if (PyGILState_Check()) release.emplace();
+    }
+    std::optional<py::gil_scoped_release> release;
+  };
+
+  template <class Call>
+  auto use(Call&& call) const {
+    const WithoutGil without_gil;
+    const std::shared_lock<std::shared_mutex> in_use(mutex_);
+    if (!thread_) throw Error("DetectionThread: expected an open one, found it closed");
+    return call(*thread_);
+  }
+
  public:
   explicit PyDetectionThread(Segmenter& segmenter)
       : thread_(std::make_unique<DetectionThread>(segmenter)) {
@@ -28,12 +64,21 @@ class PyDetectionThread : public Segmenter {
     all().erase(this);
     close();
   }
-  Segmentation segment(const RgbdFrame& frame) override { return open().segment(frame); }
-  std::vector<std::string> classes() const override { return open().classes(); }
-  std::size_t dropped() const { return open().dropped(); }
-  bool wait_for_result(double timeout_s) { return open().wait_for_result(timeout_s); }
+  Segmentation segment(const RgbdFrame& frame) override {
+    return use([&](DetectionThread& thread) { return thread.segment(frame); });
+  }
+  std::vector<std::string> classes() const override {
+    return use([](const DetectionThread& thread) { return thread.classes(); });
+  }
+  std::size_t dropped() const {
+    return use([](const DetectionThread& thread) { return thread.dropped(); });
+  }
+  bool wait_for_result(double timeout_s) {
+    return use([&](DetectionThread& thread) { return thread.wait_for_result(timeout_s); });
+  }
   void close() {
-    const py::gil_scoped_release release;
+    const WithoutGil without_gil;
+    const std::lock_guard<std::shared_mutex> alone(mutex_);
     thread_.reset();
   }
   /// Before the interpreter ends: its threads must not come back to it.
@@ -46,11 +91,8 @@ class PyDetectionThread : public Segmenter {
     static std::set<PyDetectionThread*> threads;
     return threads;
   }
-  DetectionThread& open() const {
-    if (!thread_) throw Error("DetectionThread: expected an open one, found it closed");
-    return *thread_;
-  }
 
+  mutable std::shared_mutex mutex_;
   std::unique_ptr<DetectionThread> thread_;
 };
 
@@ -91,7 +133,7 @@ void bind_detection_thread(py::module_& m) {
 }
 
 void bind_mask_files(py::module_& m) {
-  py::class_<MaskFilesSegmenter, Segmenter>(
+  py::class_<Shared<MaskFilesSegmenter>, Segmenter>(
       m, "MaskFilesSegmenter",
       "A folder of masks as a Segmenter: STEM.png, 8 bits, 0 = background, k = instance k, or\n"
       "only 0 and 255. A missing file: no result for its frame.")
@@ -103,8 +145,9 @@ void bind_mask_files(py::module_& m) {
              settings.min_area_px = static_cast<int>(whole_of(min_area_px, "min_area_px"));
              settings.max_difference_s = number_of(max_difference_s, "max_difference_s");
              const auto path = path_of(folder, "MaskFilesSegmenter: folder");
-             if (sequence.is_none()) return std::make_unique<MaskFilesSegmenter>(path, settings);
-             return std::make_unique<MaskFilesSegmenter>(
+             if (sequence.is_none())
+               return std::make_unique<Shared<MaskFilesSegmenter>>(path, settings);
+             return std::make_unique<Shared<MaskFilesSegmenter>>(
                  path, frame_names(sequence_of(sequence, "MaskFilesSegmenter: sequence")),
                  settings);
            }),
@@ -113,16 +156,14 @@ void bind_mask_files(py::module_& m) {
            py::arg("max_difference_s") = 0.005,
            "sequence: TumSequence whose color files name the masks; None: masks are named by\n"
            "timestamps.")
-      .def_property_readonly("masks", &MaskFilesSegmenter::masks,
+      .def_property_readonly("masks", &Shared<MaskFilesSegmenter>::masks,
                              "Number of frames that have a mask.");
 }
 
 #ifdef STILLPOINT_WITH_OPENCV_DNN
-std::unique_ptr<OpenCvDnnSegmenter> make_network(const py::object& model, const py::object& config,
-                                                 const py::object& decoder,
-                                                 const py::object& class_names,
-                                                 const py::object& input_size,
-                                                 const py::dict& decoding) {
+std::unique_ptr<Shared<OpenCvDnnSegmenter>> make_network(
+    const py::object& model, const py::object& config, const py::object& decoder,
+    const py::object& class_names, const py::object& input_size, const py::dict& decoding) {
   OpenCvDnnSettings s;
   if (!config.is_none()) s.config = path_of(config, "config");
   if (!decoder.is_none()) s.decoder = text_of(decoder, "decoder");
@@ -144,11 +185,11 @@ std::unique_ptr<OpenCvDnnSegmenter> make_network(const py::object& model, const 
   s.backend = static_cast<int>(whole_of(decoding["backend"], "backend"));
   s.target = static_cast<int>(whole_of(decoding["target"], "target"));
   const auto file = path_of(model, "model");
-  return without_gil([&] { return std::make_unique<OpenCvDnnSegmenter>(file, s); });
+  return without_gil([&] { return std::make_unique<Shared<OpenCvDnnSegmenter>>(file, s); });
 }
 
 void bind_opencv_dnn(py::module_& m) {
-  py::class_<OpenCvDnnSegmenter, Segmenter>(
+  py::class_<Shared<OpenCvDnnSegmenter>, Segmenter>(
       m, "OpenCvDnnSegmenter",
       "A network that OpenCV's DNN module runs, e.g. an .onnx file. Its decoder is recognised\n"
       "from its outputs.")
@@ -174,7 +215,7 @@ void bind_opencv_dnn(py::module_& m) {
           "config: the graph's text file, for formats that have one. input_size: (width, height);\n"
           "None: the model's own. min_score, mask_threshold: 0 = the decoder's own, else to 1.\n"
           "backend, target: cv2.dnn.DNN_BACKEND_... and DNN_TARGET_...")
-      .def_property_readonly("decoder", &OpenCvDnnSegmenter::decoder,
+      .def_property_readonly("decoder", &Shared<OpenCvDnnSegmenter>::decoder,
                              "The decoder that fits, e.g. 'yolo_seg'.");
 }
 #endif

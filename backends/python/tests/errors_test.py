@@ -101,11 +101,17 @@ WRONG = {
     "pose in a map": (
         lambda: stillpoint.DenseMap().integrate(
             stillpoint.RgbdFrame(COLOR, DEPTH, timestamp=0),
-            stillpoint.Camera.tum_fr1(),
+            stillpoint.Camera.tum_fr1().resized(64, 48),
             None,
             np.full((4, 4), NAN),
         ),
         "T_world_camera: .*NaN",
+    ),
+    "another size": (
+        lambda: stillpoint.FrontEnd(stillpoint.Camera.tum_fr1()).compute_mask(
+            COLOR, DEPTH, timestamp=0
+        ),
+        r"camera's size 640x480, found 64x48.*Camera::resized",
     ),
     "tracks nothing": (
         lambda: stillpoint.SlamSystem(stillpoint.Camera.tum_fr1()).track(

@@ -73,19 +73,23 @@ def pages(source):
 
 
 def test_the_programs_of_the_pages(source, scene, walk, monkeypatch):
-    """They find what they name: a frame, its keypoints, a sequence, a network."""
+    """They find what they name: a frame of 640 x 480, its keypoints, a sequence, a network."""
     cv2 = pytest.importorskip("cv2")
+
+    def full_size(image):
+        return cv2.resize(image, (640, 480), interpolation=cv2.INTER_NEAREST)
+
     monkeypatch.chdir(walk.parent)
     programs = dict(pages(source))
     assert len(programs) >= 4
     for name, program in programs.items():
         frame = scene.frames[0]
         known = {
-            "color": frame.color,
-            "depth": frame.depth,
-            "people": scene.labels[0],
+            "color": full_size(frame.color),
+            "depth": full_size(frame.depth),
+            "people": full_size(scene.labels[0]),
             "t": frame.timestamp,
-            "camera": scene.camera,
+            "camera": scene.camera.resized(640, 480),
             "keypoints": scene.keypoints,
             "descriptors": np.zeros((600, 32)),
             "network": lambda color: np.zeros(color.shape[:2], np.uint8),

@@ -117,6 +117,54 @@ def test_a_detection_thread_gives_late_results(scene):
     running.segment(first)
 
 
+def test_a_detection_thread_may_be_closed_while_others_use_it(scene):
+    def slow(labels):
+        time.sleep(0.01)
+        return labels
+
+    first = scene.frames[0].rgbd()
+    for _ in range(20):
+        thread = stillpoint.DetectionThread(Labels(scene, slow))
+        ends = []
+
+        def work():
+            try:
+                while True:
+                    thread.segment(first)
+                    thread.wait_for_result(0.001)
+                    thread.classes(), thread.dropped
+            except stillpoint.Error as error:
+                ends.append(str(error))
+
+        users = [threading.Thread(target=work) for _ in range(2)]
+        for user in users:
+            user.start()
+        time.sleep(0.02)
+        thread.close()
+        for user in users:
+            user.join()
+        assert len(ends) == 2 and all("closed" in end for end in ends)
+
+
+def test_threads_may_share_a_mask_folder(scene, tmp_path):
+    for frame, labels in zip(scene.frames, scene.labels):
+        stillpoint.write_mask(tmp_path / f"{frame.timestamp:.6f}.png", labels)
+    segmenter = stillpoint.MaskFilesSegmenter(tmp_path)
+    expected, _ = run(scene, segmenter)
+    results = [None, None]
+
+    def work(i):
+        results[i], _ = run(scene, segmenter)
+
+    threads = [threading.Thread(target=work, args=(i,)) for i in range(2)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    for masks in results:
+        assert all(np.array_equal(a, b) for a, b in zip(masks, expected))
+
+
 def interrupt_after(seconds):
     threading.Timer(seconds, lambda: os.kill(os.getpid(), signal.SIGINT)).start()
 

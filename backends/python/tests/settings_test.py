@@ -94,3 +94,7 @@ def test_a_cameras_matrix_is_opencvs():
     assert np.array_equal(
         camera.distortion(), [camera.k1, camera.k2, camera.p1, camera.p2, camera.k3]
     )
+    half = camera.resized(320, 240)
+    assert (half.width, half.fx, half.k1) == (320, camera.fx / 2, camera.k1)
+    with pytest.raises(stillpoint.Error, match="to 0x240"):
+        camera.resized(0, 240)

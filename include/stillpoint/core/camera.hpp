@@ -3,6 +3,9 @@
 
 #include <Eigen/Core>
 #include <opencv2/core.hpp>
+#include <string>
+
+#include "stillpoint/core/error.hpp"
 
 namespace stillpoint {
 
@@ -22,6 +25,24 @@ struct Camera {
 
   bool valid() const { return fx > 0 && fy > 0; }
   bool distorted() const { return k1 != 0 || k2 != 0 || p1 != 0 || p2 != 0 || k3 != 0; }
+
+  /// The camera of images that are resized to so many pixels; width and height must be set. Throws
+  /// Error if they are not, or for no pixels.
+  Camera resized(int new_width, int new_height) const {
+    detail::check(width > 0 && height > 0 && new_width > 0 && new_height > 0, [&] {
+      return "Camera::resized: expected widths and heights above 0, found " +
+             std::to_string(width) + "x" + std::to_string(height) + " to " +
+             std::to_string(new_width) + "x" + std::to_string(new_height);
+    });
+    const double sx = static_cast<double>(new_width) / width;
+    const double sy = static_cast<double>(new_height) / height;
+    Camera c = *this;
+    c.fx *= sx, c.fy *= sy;
+    // Whole numbers are the centers of pixels, so the image begins at -0.5.
+    c.cx = (cx + 0.5) * sx - 0.5, c.cy = (cy + 0.5) * sy - 0.5;
+    c.width = new_width, c.height = new_height;
+    return c;
+  }
 
   cv::Matx33d matrix() const { return {fx, 0, cx, 0, fy, cy, 0, 0, 1}; }
   cv::Vec<double, 5> distortion() const { return {k1, k2, p1, p2, k3}; }

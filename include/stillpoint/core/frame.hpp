@@ -7,6 +7,7 @@
 #include <opencv2/core.hpp>
 #include <string>
 
+#include "stillpoint/core/camera.hpp"
 #include "stillpoint/core/error.hpp"
 
 namespace stillpoint {
@@ -102,6 +103,19 @@ inline void check_frame(const RgbdFrame& frame) {
     return "frame.depth_units_per_m: expected a positive number (5000 for TUM, 1000 for "
            "millimetres), found " +
            std::to_string(frame.depth_units_per_m);
+  });
+}
+
+/// The same, and the images must have the camera's width and height, where it has them. A camera
+/// of another resolution gives wrong places and motions, and nothing else would say so. O(1).
+inline void check_frame(const RgbdFrame& frame, const Camera& camera) {
+  check_frame(frame);
+  const cv::Size size(camera.width, camera.height);
+  detail::check(size.empty() || frame.color.size() == size, [&] {
+    return "frame.color: expected the camera's size " + std::to_string(size.width) + "x" +
+           std::to_string(size.height) + ", found " + detail::size_text(frame.color) +
+           "; is it the right camera? Where images are resized, resize it with them: "
+           "Camera::resized()";
   });
 }
 

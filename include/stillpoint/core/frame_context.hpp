@@ -18,9 +18,9 @@ namespace stillpoint {
 /// what it learns. FrontEnd does this; whoever uses a component alone calls begin() himself.
 class FrameContext {
  public:
-  /// Takes a frame, checked. Shares its images. O(1) for 16-bit depth.
+  /// Takes a frame, checked with its camera. Shares its images. O(1) for 16-bit depth.
   void begin(const RgbdFrame& new_frame, const Camera& new_camera) {
-    check_frame(new_frame);
+    check_frame(new_frame, new_camera);
     frame = new_frame;
     camera = new_camera;
     depth.set(frame, camera);

@@ -18,6 +18,7 @@
 #include "stillpoint/core/error.hpp"
 #include "stillpoint/core/frame.hpp"
 #include "stillpoint/core/mask.hpp"
+#include "stillpoint/core/voxel_grid.hpp"
 
 namespace stillpoint {
 
@@ -49,7 +50,7 @@ class DenseMap {
   DenseMap() : DenseMap(Settings()) {}
 
   /// Throws Error for settings that make no sense.
-  explicit DenseMap(const Settings& settings) : settings_(settings) {
+  explicit DenseMap(const Settings& settings) : settings_(settings), grid_(settings.voxel_m) {
     const auto require = [](bool condition, const char* what) {
       detail::check(condition, [&] { return "DenseMap settings: expected " + std::string(what); });
     };
@@ -65,11 +66,11 @@ class DenseMap {
 
   /// Adds a frame taken with `camera` (distorted or not) from `T_world_camera`. `mask.image` may be
   /// empty: nothing is dynamic. A frame without depth changes nothing. Throws Error for a frame,
-  /// mask or camera that breaks its own description, and for a pose with a number that is not
-  /// finite.
+  /// mask or camera that breaks its own description, and for a pose that is not finite or further
+  /// than 2^19 voxels from the origin.
   void integrate(const RgbdFrame& frame, const Camera& camera, const DynamicMask& mask,
                  const Eigen::Isometry3d& T_world_camera) {
-    check_frame(frame);
+    check_frame(frame, camera);
     detail::check(camera.valid(), [] {
       return std::string("DenseMap::integrate: expected a camera with focal lengths, found none");
     });
@@ -80,12 +81,7 @@ class DenseMap {
                            detail::size_text(frame.color) + ", found " +
                            detail::type_text(mask.image) + " " + detail::size_text(mask.image);
                   });
-    detail::check(T_world_camera.matrix().allFinite(), [] {
-      return std::string(
-          "DenseMap::integrate: T_world_camera: expected a rotation and a translation, found NaN "
-          "or "
-          "infinity; leave out frames without a pose");
-    });
+    grid_.check_pose("DenseMap::integrate", T_world_camera);
     if (frame.depth.empty()) return;
     ++frames_;
     if (settings_.carve) carve(frame, camera, T_world_camera.inverse());
@@ -146,15 +142,6 @@ class DenseMap {
     std::uint64_t number;  // in order of first sight
   };
 
-  std::uint64_t key_of(const Eigen::Vector3f& p) const {
-    std::uint64_t key = 0;
-    for (int a = 0; a < 3; ++a) {
-      const double cell = std::floor(p[a] / settings_.voxel_m) + (1 << 20);
-      key = key << 21 | (static_cast<std::uint64_t>(std::clamp(cell, 0.0, 2097151.0)));
-    }
-    return key;
-  }
-
   static cv::Vec3f color_at(const RgbdFrame& frame, int x, int y) {
     if (frame.color.channels() == 3) return cv::Vec3f(frame.color.at<cv::Vec3b>(y, x));
     const float v = frame.color.at<uchar>(y, x);
@@ -174,7 +161,7 @@ class DenseMap {
 
   void add(const Eigen::Vector3f& p, const cv::Vec3f& color) {
     const auto [entry, fresh] =
-        index_.try_emplace(key_of(p), static_cast<std::uint32_t>(voxels_.size()));
+        index_.try_emplace(grid_.key(p.cast<double>()), static_cast<std::uint32_t>(voxels_.size()));
     if (fresh) {
       voxels_.push_back({entry->first, p, color, 1, 1, frames_, 0, next_number_++});
       return;
@@ -277,6 +264,7 @@ class DenseMap {
   }
 
   Settings settings_;
+  detail::VoxelGrid grid_;
   std::vector<Voxel> voxels_;
   std::unordered_map<std::uint64_t, std::uint32_t> index_;  // only ever asked, never walked
   std::vector<Eigen::Vector2d> rays_;

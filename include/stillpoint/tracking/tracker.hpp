@@ -39,7 +39,8 @@ class Tracker {
   /// points of the last camera into the next). No value: unknown.
   virtual std::optional<Eigen::Isometry3d> predicted_motion() const { return std::nullopt; }
 
-  /// Poses of all tracked frames as they are known now (a SLAM system corrects old ones).
+  /// Poses of all tracked frames as they are known now (a SLAM system corrects old ones), by time,
+  /// each time once.
   virtual Trajectory trajectory() const = 0;
 
   /// Ends background work; trajectory() is final afterwards.

@@ -41,6 +41,7 @@ class Camera:
     fps: float
     depth_units_per_m: float
     exposure_s: float
+    def resized(self, width: int, height: int) -> Camera: ...
     @staticmethod
     def tum_fr1() -> Camera: ...
     @staticmethod

@@ -18,6 +18,7 @@
 #include "stillpoint/core/distortion.hpp"
 #include "stillpoint/core/error.hpp"
 #include "stillpoint/core/frame.hpp"
+#include "stillpoint/core/voxel_grid.hpp"
 
 namespace stillpoint {
 
@@ -54,7 +55,7 @@ class GhostCounter {
   GhostCounter() : GhostCounter(Settings()) {}
 
   /// Throws Error for settings that make no sense.
-  explicit GhostCounter(const Settings& settings) : settings_(settings) {
+  explicit GhostCounter(const Settings& settings) : settings_(settings), grid_(settings.cell_m) {
     detail::check(settings.cell_m > 0 && settings.stride_px > 0 && settings.max_depth_m > 0, [] {
       return std::string(
           "GhostCounter settings: expected cell_m, stride_px and max_depth_m above 0");
@@ -62,10 +63,11 @@ class GhostCounter {
   }
 
   /// Adds a frame with its true people mask (H x W, CV_8UC1, non-zero = person, not dilated) and
-  /// true pose. Throws Error for inputs that do not fit each other. O(pixels / stride^2).
+  /// true pose. Throws Error for inputs that do not fit each other, or a pose that is
+  /// not finite or further than 2^19 cells from the origin. O(pixels / stride^2).
   void add(const RgbdFrame& frame, const Camera& camera, const cv::Mat& people,
            const Eigen::Isometry3d& T_world_camera) {
-    check_frame(frame);
+    check_frame(frame, camera);
     detail::check(camera.valid(), [] {
       return std::string("GhostCounter::add: expected a camera with focal lengths, found none");
     });
@@ -73,9 +75,12 @@ class GhostCounter {
       return "GhostCounter::add: people: expected CV_8UC1 " + detail::size_text(frame.color) +
              ", found " + detail::type_text(people) + " " + detail::size_text(people);
     });
+    grid_.check_pose("GhostCounter::add", T_world_camera);
     if (frame.depth.empty()) return;
     const int side = 2 * std::max(0, settings_.mask_margin_px) + 1;
-    cv::dilate(people, near_people_, cv::Mat::ones(side, side, CV_8UC1));
+    // A mask may be a part of a larger image: what lies beside it there counts for nothing.
+    cv::dilate(people, near_people_, cv::Mat::ones(side, side, CV_8UC1), {-1, -1}, 1,
+               cv::BORDER_CONSTANT | cv::BORDER_ISOLATED);
     const int s = settings_.stride_px;
     for (int y = s; y < people.rows - s; y += s)
       for (int x = s; x < people.cols - s; x += s) {
@@ -87,7 +92,7 @@ class GhostCounter {
             undistort_pixel(camera, {static_cast<double>(x), static_cast<double>(y)});
         if (!flat.allFinite()) continue;  // the lens cannot see this pixel
         const Eigen::Vector3d p = T_world_camera * camera.unproject(flat.x(), flat.y(), z);
-        (person ? person_ : static_).insert(key_of(p, 0, 0, 0));
+        (person ? person_ : static_).insert(grid_.key(p));
       }
   }
 
@@ -107,21 +112,11 @@ class GhostCounter {
  private:
   using Cells = std::unordered_set<std::uint64_t>;
 
-  std::uint64_t key_of(const Eigen::Vector3d& p, int dx, int dy, int dz) const {
-    const int step[] = {dx, dy, dz};
-    std::uint64_t key = 0;
-    for (int a = 0; a < 3; ++a) {
-      const double cell = std::floor(p[a] / settings_.cell_m) + step[a] + (1 << 20);
-      key = key << 21 | static_cast<std::uint64_t>(std::clamp(cell, 0.0, 2097151.0));
-    }
-    return key;
-  }
-
   bool near(const Cells& cells, const Eigen::Vector3d& p) const {
     for (int dz = -1; dz <= 1; ++dz)
       for (int dy = -1; dy <= 1; ++dy)
         for (int dx = -1; dx <= 1; ++dx)
-          if (cells.count(key_of(p, dx, dy, dz))) return true;
+          if (cells.count(grid_.key(p, {dx, dy, dz}))) return true;
     return false;
   }
 
@@ -135,6 +130,7 @@ class GhostCounter {
   }
 
   Settings settings_;
+  detail::VoxelGrid grid_;
   Cells person_, static_;
   cv::Mat near_people_;
 };

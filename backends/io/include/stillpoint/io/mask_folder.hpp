@@ -21,8 +21,30 @@ inline std::filesystem::path mask_path(const std::filesystem::path& folder,
   return folder / (stem + ".png");
 }
 
-/// Reads a label image: CV_8UC1, 0 = background, k = instance k, or 0 and 255 only. Throws Error
-/// if it is missing, truncated, not 8 bits in one channel, or not of `size`.
+namespace detail {
+
+/// Throws Error for 255 beside other labels: where JPEG or interpolation has blurred the edges of a
+/// 0/255 mask, each gray level would become an instance. O(pixels).
+inline void check_labels(const cv::Mat& labels, const std::string& name) {
+  std::array<bool, 256> seen{};
+  for (int y = 0; y < labels.rows; ++y) {
+    const uchar* row = labels.ptr<uchar>(y);
+    for (int x = 0; x < labels.cols; ++x) seen[row[x]] = true;
+  }
+  const auto others = std::count(seen.begin() + 1, seen.end() - 1, true);
+  check(!seen[255] || others == 0, [&] {
+    return name + ": expected 0 and 255 only, or labels up to 254, found 255 beside " +
+           std::to_string(others) +
+           " other labels; was it saved as JPEG, or resized with interpolation? If 255 stands for "
+           "'ignore', set it to 0";
+  });
+}
+
+}  // namespace detail
+
+/// Reads a label image: CV_8UC1, 0 = background, k = instance k (up to 254), or 0 and 255 only.
+/// Throws Error if it is missing, truncated, not 8 bits in one channel, not of `size`, or has 255
+/// beside other labels.
 inline cv::Mat read_labels(const std::filesystem::path& path, cv::Size size) {
   cv::Mat labels = detail::read_image(path, cv::IMREAD_UNCHANGED, "mask");
   detail::check(labels.type() == CV_8UC1, [&] {
@@ -37,6 +59,7 @@ inline cv::Mat read_labels(const std::filesystem::path& path, cv::Size size) {
            std::to_string(size.width) + "x" + std::to_string(size.height) + ", found " +
            detail::size_text(labels) + "; resize it without interpolation";
   });
+  detail::check_labels(labels, "mask " + path.string());
   return labels;
 }
 
@@ -89,13 +112,15 @@ inline cv::Mat connected_labels(const cv::Mat& mask, int min_area_px) {
 /// Splits a label image into instances, in the order of their labels. An image with only 0 and
 /// 255 is split into connected parts instead, and parts under `min_area_px` pixels are dropped.
 ///
-/// `labels`: CV_8UC1, 0 = background. Throws Error for another type. O(pixels).
+/// `labels`: CV_8UC1, 0 = background. Throws Error for another type, and for 255 beside other
+/// labels. O(pixels).
 inline std::vector<Instance> instances_from_labels(const cv::Mat& labels,
                                                    const std::string& class_name = "person",
                                                    int min_area_px = 50) {
   detail::check(labels.type() == CV_8UC1, [&] {
     return "instances_from_labels: expected CV_8UC1, found " + detail::type_text(labels);
   });
+  detail::check_labels(labels, "instances_from_labels");
   struct Bounds {
     int x0 = 1 << 30, y0 = 1 << 30, x1 = -1, y1 = -1;
   };
@@ -109,9 +134,7 @@ inline std::vector<Instance> instances_from_labels(const cv::Mat& labels,
       b.y0 = std::min(b.y0, y), b.y1 = y;
     }
   }
-  bool only_255 = bounds[255].x1 >= 0;
-  for (int k = 1; k < 255; ++k) only_255 = only_255 && bounds[static_cast<std::size_t>(k)].x1 < 0;
-  if (only_255) {
+  if (bounds[255].x1 >= 0) {
     const cv::Mat parts = detail::connected_labels(labels, min_area_px);
     double parts_count = 0;
     cv::minMaxLoc(parts, nullptr, &parts_count);

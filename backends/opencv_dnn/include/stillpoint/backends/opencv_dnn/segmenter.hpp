@@ -6,6 +6,7 @@
 #include <fstream>
 #include <iterator>
 #include <memory>
+#include <mutex>
 #include <opencv2/core.hpp>
 #include <opencv2/core/utils/logger.hpp>
 #include <opencv2/dnn.hpp>
@@ -80,16 +81,32 @@ class OpenCvDnnRuntime : public NetworkRuntime {
   }
 
  private:
-  /// Silences OpenCV's log while it lives.
+  /// Silences OpenCV's log while it lives, in all threads: the first one takes the level, the last
+  /// one gives it back.
   class Quiet {
    public:
-    Quiet() : level_(cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT)) {}
-    ~Quiet() { cv::utils::logging::setLogLevel(level_); }
+    Quiet() {
+      const std::lock_guard<std::mutex> guard(log().mutex);
+      if (log().silencers++ == 0)
+        log().level = cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);
+    }
+    ~Quiet() {
+      const std::lock_guard<std::mutex> guard(log().mutex);
+      if (--log().silencers == 0) cv::utils::logging::setLogLevel(log().level);
+    }
     Quiet(const Quiet&) = delete;
     Quiet& operator=(const Quiet&) = delete;
 
    private:
-    cv::utils::logging::LogLevel level_;
+    struct Log {
+      std::mutex mutex;
+      int silencers = 0;
+      cv::utils::logging::LogLevel level{};
+    };
+    static Log& log() {
+      static Log of_all_threads;
+      return of_all_threads;
+    }
   };
 
   void read_header() {

@@ -69,7 +69,7 @@ class LoopClosing {
             !neighbors_agree(map, *map.keyframe(id), place, found.T_camera_world))
           continue;
       }
-      close(map, lock, id, place, found);
+      if (!close(map, lock, id, place, found)) continue;
       adjust_keyframes(map, lock, model_, {}, settings_.bundle_iterations, &stop);
       last_loop_ = id;
       ++closed_;
@@ -126,8 +126,8 @@ class LoopClosing {
   }
 
   // Bends the map so that the keyframe stands where it was found at the place, and fuses the points
-  // of both sides.
-  void close(Map& map, FairMutex& lock, KeyframeId id, KeyframeId place,
+  // of both sides; false if nothing can be bent.
+  bool close(Map& map, FairMutex& lock, KeyframeId id, KeyframeId place,
              const TrackedFrame& found) const {
     std::vector<PoseGraphEdge> edges;
     std::map<KeyframeId, Eigen::Isometry3d> poses;
@@ -138,7 +138,7 @@ class LoopClosing {
           {id, place, found.T_camera_world * map.keyframe(place)->T_camera_world.inverse()});
       poses = map.poses();
     }
-    if (!optimize_pose_graph(poses, edges, poses.begin()->first)) return;
+    if (!optimize_pose_graph(poses, edges, poses.begin()->first)) return false;
     const std::lock_guard<FairMutex> guard(lock);
     move_map(map, poses);
     const std::vector<PointId> place_points =
@@ -159,6 +159,7 @@ class LoopClosing {
     for (const KeyframeId g : group) map.update_connections(g);
     k.loop_edges.insert(place);
     map.keyframe(place)->loop_edges.insert(id);
+    return true;
   }
 
   // The poses of linked keyframes relative to each other, as they are.

@@ -4,6 +4,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "stillpoint/backends/rgbd_slam/map.hpp"
@@ -43,15 +44,15 @@ class PoseHistory {
            Eigen::AngleAxisd(rotation.angle() * ratio, rotation.axis());
   }
 
-  /// Poses of all frames as they were when they were tracked.
-  const Trajectory& as_tracked() const { return as_tracked_; }
+  /// Poses of all frames as they were when they were tracked, by time. O(frames).
+  Trajectory as_tracked() const { return by_time(as_tracked_); }
 
-  /// Poses of all frames by the keyframes' present poses. O(frames).
+  /// Poses of all frames by the keyframes' present poses, by time. O(frames).
   Trajectory trajectory(const Map& map) const {
     Trajectory trajectory;
     trajectory.reserve(records_.size());
     for (const Record& r : records_) trajectory.push_back({r.timestamp, r.pose(map).inverse()});
-    return trajectory;
+    return by_time(std::move(trajectory));
   }
 
  private:
@@ -65,6 +66,22 @@ class PoseHistory {
       return T_camera_reference * map.pose_of(reference);
     }
   };
+
+  // A camera's clock may be set back: then the poses from before and after lie between each other.
+  // Of two poses at one time the later frame's stays.
+  static Trajectory by_time(Trajectory poses) {
+    const auto earlier = [](const StampedPose& a, const StampedPose& b) {
+      return a.timestamp < b.timestamp;
+    };
+    if (!std::is_sorted(poses.begin(), poses.end(), earlier))
+      std::stable_sort(poses.begin(), poses.end(), earlier);
+    const auto first_kept =
+        std::unique(poses.rbegin(), poses.rend(), [](const StampedPose& a, const StampedPose& b) {
+          return a.timestamp == b.timestamp;
+        }).base();
+    poses.erase(poses.begin(), first_kept);
+    return poses;
+  }
 
   std::vector<Record> records_;
   Trajectory as_tracked_;

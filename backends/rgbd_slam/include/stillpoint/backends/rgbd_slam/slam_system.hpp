@@ -83,7 +83,7 @@ class SlamSystem final : public Tracker {
 
   const std::vector<cv::KeyPoint>& extract(const RgbdFrame& frame,
                                            const DynamicMask& mask) override {
-    check_frame(frame);
+    check_frame(frame, model_.camera);
     copy_gray(frame, gray_);
     try {
       extractor_->extract(gray_, mask.image, features_);

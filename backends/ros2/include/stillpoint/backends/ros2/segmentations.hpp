@@ -60,7 +60,12 @@ inline std::string from_labels(const ImageMessage& message,
     labels.convertTo(labels, CV_8U);
   }
   problem = fit(labels, size);
-  if (problem.empty()) out.instances = instances_from_labels(labels, class_name);
+  if (!problem.empty()) return problem;
+  try {
+    out.instances = instances_from_labels(labels, class_name);
+  } catch (const Error& e) {
+    problem = e.what();
+  }
   return problem;
 }
 
