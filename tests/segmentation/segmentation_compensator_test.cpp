@@ -364,6 +364,32 @@ TEST(SegmentationCompensator, OnlyTimeEndsWhatTheSegmenterHasNoNameFor) {
   EXPECT_NEAR(restored("", 30), settings.max_unnamed_s / 0.033, 1.5);
 }
 
+TEST(SegmentationCompensator, CarriesWhatWasSeenOnceOnForLessWhereTheCameraRotates) {
+  const Walker box{140, 80, 0, 0};
+  // How many frames it is restored in, after the camera rotated in the frames that showed it.
+  const auto restored = [&](const char* name, double rad_s, int seen) {
+    Show show;
+    Eigen::Isometry3d rotates = Eigen::Isometry3d::Identity();
+    rotates.rotate(Eigen::AngleAxisd(0.033 * rad_s, Eigen::Vector3d::UnitZ()));
+    const Segmentation nobody = result({});
+    const Segmentation one = result({box_instance(box.at(0).box, show.scene.size, name)});
+    int n = 0;
+    for (int i = 0; i < 80; ++i) {
+      const bool shown = i > 0 && i <= seen;
+      const RgbdFrame frame = show.scene.frame(kStart + 0.033 * i, {box.at(0)});
+      const Segmentation& out = show.compensator.compensate(
+          frame, shown ? one : nobody, shown ? rotates : Eigen::Isometry3d::Identity());
+      n += i > seen && !out.instances.empty();
+    }
+    return n;
+  };
+  EXPECT_NEAR(restored("", 0, 1), Settings().max_prediction_s / 0.033, 1.5);
+  EXPECT_NEAR(restored("", 0.09, 1), 0.5 * Settings().max_prediction_s / 0.033, 1.5);
+  EXPECT_NEAR(restored("", 1.5, 1), 0.1 / 0.033, 1.5);
+  EXPECT_NEAR(restored("", 1.5, 7), (0.1 + 3 * 0.2) / 0.033, 2);
+  EXPECT_EQ(restored("person", 1.5, 3), restored("person", 0, 3)) << "a segmenter named it";
+}
+
 TEST(SegmentationCompensator, CarriesOnWhatWalksAway) {
   // How many of 60 frames it is restored in, after it was seen in three.
   const auto restored = [](double speed_m_s, bool camera_known) {

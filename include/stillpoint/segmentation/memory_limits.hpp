@@ -6,7 +6,9 @@
 #include <opencv2/core.hpp>
 
 #include "stillpoint/core/blur.hpp"
+#include "stillpoint/core/frame_context.hpp"
 #include "stillpoint/core/image_scale.hpp"
+#include "stillpoint/core/rigid_motion.hpp"
 #include "stillpoint/segmentation/remembered_object.hpp"
 #include "stillpoint/segmentation/segmentation_age.hpp"
 #include "stillpoint/segmentation/segmentation_compensator_settings.hpp"
@@ -18,6 +20,13 @@ namespace stillpoint {
 class MemoryLimits {
  public:
   explicit MemoryLimits(const SegmentationCompensatorSettings& settings) : settings_(settings) {}
+
+  /// How fast the camera rotates, radians per second; 0 where it is not known.
+  static double rotation_rad_s(const FrameContext& context, double last_s) {
+    if (!context.T_current_last) return 0;
+    return detail::rotation_angle(context.T_current_last->linear()) /
+           (context.frame.timestamp - last_s);
+  }
 
   /// Takes note of whether the frame shows the object. Who walks straight away from the camera, or
   /// towards it, counts as seen: the motion check, which compares places, may not find him.
@@ -55,13 +64,18 @@ class MemoryLimits {
   static constexpr float kSurelyMovedM = 0.15f;
   static constexpr double kGapS = 0.1;  // between two frames that count as seen in a row
   static constexpr double kTrustPerSecond = 3;
+  static constexpr double kLeastS = 0.1;              // three frames: a blink of the motion check
+  static constexpr double kSteadyCameraRad_s = 0.09;  // 5 degrees per second: held still by hand
 
   // An object without a class is trusted longer the longer it was seen: what the motion check finds
-  // only once may be nothing.
+  // only once may be nothing, the more so the faster the camera rotates.
   double unseen_s(const RememberedObject& object) const {
-    if (!object.class_name.empty()) return settings_.max_prediction_s;
-    const double longer = settings_.max_prediction_s + kTrustPerSecond * object.seen_for_s;
-    return std::max(settings_.max_prediction_s, std::min(settings_.max_unnamed_s, longer));
+    const double most = settings_.max_prediction_s;
+    if (!object.class_name.empty()) return most;
+    const double once =
+        std::max(std::min(most, kLeastS), most / (1 + object.camera_rad_s / kSteadyCameraRad_s));
+    const double longer = once + kTrustPerSecond * object.seen_for_s;
+    return std::min(longer, std::max(most, settings_.max_unnamed_s));
   }
 
   // What was seen once or twice only may be a piece of the wall that looked like a person.

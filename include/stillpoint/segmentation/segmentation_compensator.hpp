@@ -114,6 +114,7 @@ class SegmentationCompensator {
       RememberedObject& object = objects_[static_cast<std::size_t>(pairs_.object_of(i))];
       ids_[i] = object.id;
       if (!object.alive) continue;
+      if (i < given_) object.camera_rad_s = camera_rad_s_;
       object.observe(context, depth, refined[i], &output_.instances[i]);
       if (object.inside().size() >= kFewestPoints)
         object.add_place(context.frame.timestamp, settings_.corner_history,
@@ -155,10 +156,8 @@ class SegmentationCompensator {
     restored_ = 0;
     // A depth image that is black all over tells no more than none at all.
     has_depth_ = settings_.use_depth && context.depth.any_measured(segmentation.instances);
-    if (frame.timestamp <= last_s_) {
-      reset();
-      status_ |= kTimestampOrder;
-    }
+    if (frame.timestamp <= last_s_) reset(), status_ |= kTimestampOrder;
+    camera_rad_s_ = MemoryLimits::rotation_rad_s(context, last_s_);
     last_s_ = frame.timestamp;
     age_.add(frame.timestamp, segmentation);
     status_ |= age_.status();
@@ -284,6 +283,7 @@ class SegmentationCompensator {
   std::vector<RememberedObject> objects_;
   Segmentation output_;
   std::size_t given_ = 0;
+  double camera_rad_s_ = 0;  // how fast the camera rotates
   ObjectAssociation pairs_;
   std::vector<int> ids_;  // of the object of each instance
   ObjectMasks masks_;
