@@ -367,16 +367,16 @@ TEST(SegmentationCompensator, OnlyTimeEndsWhatTheSegmenterHasNoNameFor) {
 TEST(SegmentationCompensator, CarriesWhatWasSeenOnceOnForLessWhereTheCameraRotates) {
   const Walker box{140, 80, 0, 0};
   // How many frames it is restored in, after the camera rotated in the frames that showed it.
-  const auto restored = [&](const char* name, double rad_s, int seen) {
+  const auto restored = [&](const char* name, double rad_s, int seen, double dt = 0.033) {
     Show show;
     Eigen::Isometry3d rotates = Eigen::Isometry3d::Identity();
-    rotates.rotate(Eigen::AngleAxisd(0.033 * rad_s, Eigen::Vector3d::UnitZ()));
+    rotates.rotate(Eigen::AngleAxisd(dt * rad_s, Eigen::Vector3d::UnitZ()));
     const Segmentation nobody = result({});
     const Segmentation one = result({box_instance(box.at(0).box, show.scene.size, name)});
     int n = 0;
     for (int i = 0; i < 80; ++i) {
       const bool shown = i > 0 && i <= seen;
-      const RgbdFrame frame = show.scene.frame(kStart + 0.033 * i, {box.at(0)});
+      const RgbdFrame frame = show.scene.frame(kStart + dt * i, {box.at(0)});
       const Segmentation& out = show.compensator.compensate(
           frame, shown ? one : nobody, shown ? rotates : Eigen::Isometry3d::Identity());
       n += i > seen && !out.instances.empty();
@@ -387,6 +387,7 @@ TEST(SegmentationCompensator, CarriesWhatWasSeenOnceOnForLessWhereTheCameraRotat
   EXPECT_NEAR(restored("", 0.09, 1), 0.5 * Settings().max_prediction_s / 0.033, 1.5);
   EXPECT_NEAR(restored("", 1.5, 1), 0.1 / 0.033, 1.5);
   EXPECT_NEAR(restored("", 1.5, 7), (0.1 + 3 * 0.2) / 0.033, 2);
+  EXPECT_EQ(restored("", 1.5, 1, 0.1), 2) << "a camera of 10 Hz";
   EXPECT_EQ(restored("person", 1.5, 3), restored("person", 0, 3)) << "a segmenter named it";
 }
 

@@ -21,11 +21,16 @@ class MemoryLimits {
  public:
   explicit MemoryLimits(const SegmentationCompensatorSettings& settings) : settings_(settings) {}
 
-  /// How fast the camera rotates, radians per second; 0 where it is not known.
-  static double rotation_rad_s(const FrameContext& context, double last_s) {
-    if (!context.T_current_last) return 0;
-    return detail::rotation_angle(context.T_current_last->linear()) /
-           (context.frame.timestamp - last_s);
+  /// How long an object without a class that this frame shows is carried along if it was seen once
+  /// only. The motion check errs where the camera rotates, and what it finds once there may be
+  /// nothing. `last_s`: time of the frame before.
+  double unnamed_once_s(const FrameContext& context, double last_s) const {
+    const double most = settings_.max_prediction_s;
+    if (!context.T_current_last) return most;
+    const double dt = context.frame.timestamp - last_s;
+    const double rad_s = detail::rotation_angle(context.T_current_last->linear()) / dt;
+    const double least = std::max(kLeastS, kLeastFrames * dt);
+    return std::max(std::min(most, least), most / (1 + rad_s / kSteadyCameraRad_s));
   }
 
   /// Takes note of whether the frame shows the object. Who walks straight away from the camera, or
@@ -64,17 +69,15 @@ class MemoryLimits {
   static constexpr float kSurelyMovedM = 0.15f;
   static constexpr double kGapS = 0.1;  // between two frames that count as seen in a row
   static constexpr double kTrustPerSecond = 3;
-  static constexpr double kLeastS = 0.1;              // three frames: a blink of the motion check
+  // A blink of the motion check.
+  static constexpr double kLeastS = 0.1, kLeastFrames = 2.5;
   static constexpr double kSteadyCameraRad_s = 0.09;  // 5 degrees per second: held still by hand
 
-  // An object without a class is trusted longer the longer it was seen: what the motion check finds
-  // only once may be nothing, the more so the faster the camera rotates.
+  // An object without a class is trusted longer the longer it was seen.
   double unseen_s(const RememberedObject& object) const {
     const double most = settings_.max_prediction_s;
     if (!object.class_name.empty()) return most;
-    const double once =
-        std::max(std::min(most, kLeastS), most / (1 + object.camera_rad_s / kSteadyCameraRad_s));
-    const double longer = once + kTrustPerSecond * object.seen_for_s;
+    const double longer = object.once_s + kTrustPerSecond * object.seen_for_s;
     return std::min(longer, std::max(most, settings_.max_unnamed_s));
   }
 

@@ -38,8 +38,9 @@ class RememberedObject {
   float score = 1;
   /// Timestamp of the last frame in which the segmenter showed it.
   double seen_s = 0;
-  /// How fast the camera rotated in that frame, radians per second; 0 where it is not known.
-  double camera_rad_s = 0;
+  /// How long it would be carried along had that frame alone shown it, seconds; for an object
+  /// without a class.
+  double once_s = 0;
   /// How long it has been seen, seconds.
   double seen_for_s = 0;
   /// How many frames showed it.

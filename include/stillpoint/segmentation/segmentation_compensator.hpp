@@ -114,7 +114,7 @@ class SegmentationCompensator {
       RememberedObject& object = objects_[static_cast<std::size_t>(pairs_.object_of(i))];
       ids_[i] = object.id;
       if (!object.alive) continue;
-      if (i < given_) object.camera_rad_s = camera_rad_s_;
+      if (i < given_) object.once_s = once_s_;
       object.observe(context, depth, refined[i], &output_.instances[i]);
       if (object.inside().size() >= kFewestPoints)
         object.add_place(context.frame.timestamp, settings_.corner_history,
@@ -157,7 +157,7 @@ class SegmentationCompensator {
     // A depth image that is black all over tells no more than none at all.
     has_depth_ = settings_.use_depth && context.depth.any_measured(segmentation.instances);
     if (frame.timestamp <= last_s_) reset(), status_ |= kTimestampOrder;
-    camera_rad_s_ = MemoryLimits::rotation_rad_s(context, last_s_);
+    once_s_ = limits_.unnamed_once_s(context, last_s_);
     last_s_ = frame.timestamp;
     age_.add(frame.timestamp, segmentation);
     status_ |= age_.status();
@@ -283,7 +283,7 @@ class SegmentationCompensator {
   std::vector<RememberedObject> objects_;
   Segmentation output_;
   std::size_t given_ = 0;
-  double camera_rad_s_ = 0;  // how fast the camera rotates
+  double once_s_ = 0;  // MemoryLimits::unnamed_once_s() of this frame
   ObjectAssociation pairs_;
   std::vector<int> ids_;  // of the object of each instance
   ObjectMasks masks_;

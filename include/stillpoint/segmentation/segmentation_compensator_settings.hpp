@@ -46,9 +46,9 @@ struct SegmentationCompensatorSettings {
   double max_prediction_s = 0.6;
   /// The same for an object without a class, if it was seen for a while: the motion check finds it
   /// again as soon as it moves, and the depth says whether it is still there. Seen once, it is
-  /// carried along for max_prediction_s where the camera stands still, and down to 0.1 s where the
-  /// camera rotates, as false movers are seen once then; each second of being seen gives three
-  /// more, up to this.
+  /// carried along for max_prediction_s where the camera stands still, and down to 0.1 s (2.5
+  /// frames of a slow camera) where the camera rotates, as false movers are seen once then; each
+  /// second of being seen gives three more, up to this.
   double max_unnamed_s = 1.8;
   /// An object with a name that appears from one result to the next over more than this share of
   /// the image is doubted (SuddenObjectFilter) until it is in `sudden_results` results in a row, in
