@@ -4,6 +4,7 @@
 import os
 import pathlib
 import subprocess
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -19,6 +20,12 @@ class Scene:
         self.frames = list(self.sequence)
         self.labels = [self.sequence.failing_labels(i) for i in range(len(self.frames))]
         self.keypoints = np.random.default_rng(7).uniform((0, 0), (319, 239), (600, 2))
+
+
+def in_two_threads(work):
+    """What `work` returns in each of two threads at once; raises what it raises."""
+    with ThreadPoolExecutor(2) as pool:
+        return [call.result() for call in [pool.submit(work) for _ in range(2)]]
 
 
 @pytest.fixture(scope="session")

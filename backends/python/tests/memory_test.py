@@ -8,6 +8,7 @@ import threading
 import numpy as np
 import pytest
 import stillpoint
+from conftest import in_two_threads
 
 
 def masks_of(scene, count=6):
@@ -124,15 +125,5 @@ def test_two_threads_in_one_object_are_an_error_not_a_crash(scene):
 
 def test_two_cameras_in_two_threads(scene):
     expected, _ = masks_of(scene)
-    results = [None, None]
-
-    def work(i):
-        results[i], _ = masks_of(scene)
-
-    threads = [threading.Thread(target=work, args=(i,)) for i in range(2)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    for masks in results:
+    for masks, _ in in_two_threads(lambda: masks_of(scene)):
         assert all(np.array_equal(a, b) for a, b in zip(masks, expected))

@@ -9,6 +9,7 @@ import time
 import numpy as np
 import pytest
 import stillpoint
+from conftest import in_two_threads
 
 
 class Labels(stillpoint.Segmenter):
@@ -151,17 +152,7 @@ def test_threads_may_share_a_mask_folder(scene, tmp_path):
         stillpoint.write_mask(tmp_path / f"{frame.timestamp:.6f}.png", labels)
     segmenter = stillpoint.MaskFilesSegmenter(tmp_path)
     expected, _ = run(scene, segmenter)
-    results = [None, None]
-
-    def work(i):
-        results[i], _ = run(scene, segmenter)
-
-    threads = [threading.Thread(target=work, args=(i,)) for i in range(2)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    for masks in results:
+    for masks, _ in in_two_threads(lambda: run(scene, segmenter)):
         assert all(np.array_equal(a, b) for a, b in zip(masks, expected))
 
 

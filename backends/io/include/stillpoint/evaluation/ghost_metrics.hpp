@@ -8,7 +8,6 @@
 #include <cstdint>
 #include <limits>
 #include <opencv2/core.hpp>
-#include <opencv2/imgproc.hpp>
 #include <string>
 #include <unordered_set>
 #include <vector>
@@ -18,6 +17,7 @@
 #include "stillpoint/core/distortion.hpp"
 #include "stillpoint/core/error.hpp"
 #include "stillpoint/core/frame.hpp"
+#include "stillpoint/core/mask_functions.hpp"
 #include "stillpoint/core/voxel_grid.hpp"
 
 namespace stillpoint {
@@ -77,15 +77,12 @@ class GhostCounter {
     });
     grid_.check_pose("GhostCounter::add", T_world_camera);
     if (frame.depth.empty()) return;
-    const int side = 2 * std::max(0, settings_.mask_margin_px) + 1;
-    // A mask may be a part of a larger image: what lies beside it there counts for nothing.
-    cv::dilate(people, near_people_, cv::Mat::ones(side, side, CV_8UC1), {-1, -1}, 1,
-               cv::BORDER_CONSTANT | cv::BORDER_ISOLATED);
+    const cv::Mat clear = feature_mask(people, std::clamp(settings_.mask_margin_px, 0, 1000));
     const int s = settings_.stride_px;
     for (int y = s; y < people.rows - s; y += s)
       for (int x = s; x < people.cols - s; x += s) {
         const bool person = people.at<uchar>(y, x) != 0;
-        if (!person && near_people_.at<uchar>(y, x) != 0) continue;
+        if (!person && clear.at<uchar>(y, x) == 0) continue;
         const auto z = static_cast<double>(depth_m_at(frame, x, y));
         if (!(z > 0 && z <= settings_.max_depth_m) || on_edge(frame, x, y, z)) continue;
         const Eigen::Vector2d flat =
@@ -132,7 +129,6 @@ class GhostCounter {
   Settings settings_;
   detail::VoxelGrid grid_;
   Cells person_, static_;
-  cv::Mat near_people_;
 };
 
 }  // namespace stillpoint

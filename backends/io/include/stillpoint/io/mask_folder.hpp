@@ -24,13 +24,8 @@ inline std::filesystem::path mask_path(const std::filesystem::path& folder,
 namespace detail {
 
 /// Throws Error for 255 beside other labels: where JPEG or interpolation has blurred the edges of a
-/// 0/255 mask, each gray level would become an instance. O(pixels).
-inline void check_labels(const cv::Mat& labels, const std::string& name) {
-  std::array<bool, 256> seen{};
-  for (int y = 0; y < labels.rows; ++y) {
-    const uchar* row = labels.ptr<uchar>(y);
-    for (int x = 0; x < labels.cols; ++x) seen[row[x]] = true;
-  }
+/// 0/255 mask, each gray level would become an instance. `seen`: which labels an image has.
+inline void check_labels(const std::array<bool, 256>& seen, const std::string& name) {
   const auto others = std::count(seen.begin() + 1, seen.end() - 1, true);
   check(!seen[255] || others == 0, [&] {
     return name + ": expected 0 and 255 only, or labels up to 254, found 255 beside " +
@@ -38,6 +33,16 @@ inline void check_labels(const cv::Mat& labels, const std::string& name) {
            " other labels; was it saved as JPEG, or resized with interpolation? If 255 stands for "
            "'ignore', set it to 0";
   });
+}
+
+/// The same for a label image, CV_8UC1. O(pixels).
+inline void check_labels(const cv::Mat& labels, const std::string& name) {
+  std::array<bool, 256> seen{};
+  for (int y = 0; y < labels.rows; ++y) {
+    const uchar* row = labels.ptr<uchar>(y);
+    for (int x = 0; x < labels.cols; ++x) seen[row[x]] = true;
+  }
+  check_labels(seen, name);
 }
 
 }  // namespace detail
@@ -120,7 +125,6 @@ inline std::vector<Instance> instances_from_labels(const cv::Mat& labels,
   detail::check(labels.type() == CV_8UC1, [&] {
     return "instances_from_labels: expected CV_8UC1, found " + detail::type_text(labels);
   });
-  detail::check_labels(labels, "instances_from_labels");
   struct Bounds {
     int x0 = 1 << 30, y0 = 1 << 30, x1 = -1, y1 = -1;
   };
@@ -134,7 +138,10 @@ inline std::vector<Instance> instances_from_labels(const cv::Mat& labels,
       b.y0 = std::min(b.y0, y), b.y1 = y;
     }
   }
-  if (bounds[255].x1 >= 0) {
+  std::array<bool, 256> seen{};
+  for (std::size_t k = 1; k < seen.size(); ++k) seen[k] = bounds[k].x1 >= 0;
+  detail::check_labels(seen, "instances_from_labels");
+  if (seen[255]) {
     const cv::Mat parts = detail::connected_labels(labels, min_area_px);
     double parts_count = 0;
     cv::minMaxLoc(parts, nullptr, &parts_count);
