@@ -43,9 +43,10 @@ double run(benchmark::State& state, const FrontEndSettings& settings, const Scen
   return seconds;
 }
 
-void BM_FrontEnd(benchmark::State& state, const FrontEndSettings& settings) {
+void BM_FrontEnd(benchmark::State& state, const FrontEndSettings& settings,
+                 const Scene& scene = rendered_scene()) {
   const double before = orb_seconds();
-  const double seconds = run(state, settings, rendered_scene());
+  const double seconds = run(state, settings, scene);
   const double after = orb_seconds();
   state.counters["of_orb"] = seconds / (0.5 * (before + after));
 }
@@ -53,6 +54,14 @@ BENCHMARK_CAPTURE(BM_FrontEnd, default, FrontEndSettings())->Unit(benchmark::kMi
 BENCHMARK_CAPTURE(BM_FrontEnd, paper, FrontEndSettings::paper())->Unit(benchmark::kMicrosecond);
 BENCHMARK_CAPTURE(BM_FrontEnd, network_only, FrontEndSettings::network_only())
     ->Unit(benchmark::kMicrosecond);
+
+// The default without the host's grey image.
+void BM_FrontEndColorOnly(benchmark::State& state) {
+  Scene scene = rendered_scene();
+  for (RgbdFrame& frame : scene.frames) frame.gray = cv::Mat();
+  BM_FrontEnd(state, {}, scene);
+}
+BENCHMARK(BM_FrontEndColorOnly)->Name("BM_FrontEnd/color_only")->Unit(benchmark::kMicrosecond);
 
 // What objects() takes of a frame beyond compute_mask(): following them in compute_mask(), and the
 // call itself, together against the extraction of ORB keypoints.

@@ -25,7 +25,8 @@ double orb_seconds() {
   constexpr int kTimes = 16;
   const std::clock_t start = std::clock();
   for (std::size_t i = 0; i < kTimes; ++i)
-    orb->detectAndCompute(scene.grey[i % scene.grey.size()], cv::noArray(), keypoints, descriptors);
+    orb->detectAndCompute(scene.frames[i % scene.frames.size()].gray, cv::noArray(), keypoints,
+                          descriptors);
   return static_cast<double>(std::clock() - start) / CLOCKS_PER_SEC / kTimes;
 }
 
@@ -39,7 +40,7 @@ void BM_OrbExtraction(benchmark::State& state) {
   cv::Mat descriptors;
   std::size_t i = 0, found = 0;
   for (auto _ : state) {
-    orb->detectAndCompute(scene.grey[i++ % scene.grey.size()], cv::noArray(), keypoints,
+    orb->detectAndCompute(scene.frames[i++ % scene.frames.size()].gray, cv::noArray(), keypoints,
                           descriptors);
     found += keypoints.size();
   }

@@ -19,11 +19,11 @@
 namespace stillpoint {
 namespace bench {
 
-/// Consecutive frames with what a front end is given with them.
+/// Consecutive frames with what a front end is given with them: by a host that has the grey image,
+/// as ORB keypoints are extracted from that.
 struct Scene {
   Camera camera;
   std::vector<RgbdFrame> frames;
-  std::vector<cv::Mat> grey;
   std::vector<Segmentation> segmentations;
   std::vector<std::vector<cv::KeyPoint>> keypoints;
   /// Mean share of the image in the segmentations.
@@ -130,10 +130,8 @@ inline const Scene& rendered_scene() {
       frame.depth = rendered.depth;
       frame.timestamp = rendered.timestamp;
       frame.depth_units_per_m = s.camera.depth_units_per_m;
+      cv::cvtColor(frame.color, frame.gray, cv::COLOR_BGR2GRAY);
       s.frames.push_back(frame);
-      cv::Mat grey;
-      cv::cvtColor(frame.color, grey, cv::COLOR_BGR2GRAY);
-      s.grey.push_back(grey);
       Segmentation segmentation;
       segmentation.available = true;
       segmentation.timestamp = frame.timestamp;
@@ -143,7 +141,7 @@ inline const Scene& rendered_scene() {
           }));
       s.segmentations.push_back(segmentation);
       s.keypoints.emplace_back();
-      orb->detect(grey, s.keypoints.back());
+      orb->detect(frame.gray, s.keypoints.back());
     }
     s.mask_share = share_of(s.segmentations, s.frames[0].color.size());
     return s;
@@ -163,8 +161,9 @@ inline Scene scaled_scene(const cv::Size& size) {
   s.camera.fy *= fy, s.camera.cy = (s.camera.cy + 0.5) * fy - 0.5;
   for (std::size_t i = 0; i < from.frames.size(); ++i) {
     RgbdFrame frame = from.frames[i];
-    frame.color = frame.depth = cv::Mat();
+    frame.color = frame.gray = frame.depth = cv::Mat();
     cv::resize(from.frames[i].color, frame.color, size);
+    cv::resize(from.frames[i].gray, frame.gray, size);
     cv::resize(from.frames[i].depth, frame.depth, size, 0, 0, cv::INTER_NEAREST);
     s.frames.push_back(frame);
     Segmentation segmentation = from.segmentations[i];
@@ -204,6 +203,7 @@ inline Scene crowd_scene(int people) {
   for (int i = 0; i < 8; ++i) {
     RgbdFrame frame;
     frame.color = rendered_scene().frames[0].color;
+    frame.gray = rendered_scene().frames[0].gray;
     frame.depth.create(size, CV_16UC1);
     for (int y = 0; y < size.height; ++y)
       for (int x = 0; x < size.width; ++x)

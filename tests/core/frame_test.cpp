@@ -68,6 +68,16 @@ TEST(Frame, RefusesOtherColor) {
   EXPECT_ERROR(check_frame(frame), "frame.color", "found CV_16UC3");
 }
 
+TEST(Frame, RefusesOtherGray) {
+  RgbdFrame frame = good_frame();
+  frame.gray = cv::Mat::zeros(4, 5, CV_8UC1);
+  EXPECT_NO_THROW(check_frame(frame));
+  frame.gray = cv::Mat::zeros(4, 6, CV_8UC1);
+  EXPECT_ERROR(check_frame(frame), "frame.gray", "5x4", "6x4");
+  frame.gray = cv::Mat::zeros(4, 5, CV_8UC3);
+  EXPECT_ERROR(check_frame(frame), "frame.gray", "CV_8UC1", "CV_8UC3");
+}
+
 TEST(Frame, RefusesOtherDepth) {
   RgbdFrame frame = good_frame();
   frame.depth = cv::Mat::zeros(5, 4, CV_16UC1);

@@ -459,6 +459,25 @@ TEST(FrontEnd, TakesGreyPicturesWithoutDepth) {
   }
 }
 
+// What the host has converted is looked at, and nothing else; network_only looks at single rows.
+TEST(FrontEnd, TakesTheHostsGreyPicture) {
+  const Walk walk;
+  for (const FrontEndSettings& settings : {FrontEndSettings(), FrontEndSettings::network_only()}) {
+    FrontEnd of_color(settings, walk.scene.camera()), of_gray(settings, walk.scene.camera());
+    for (int i = 0; i < 12; ++i) {
+      RgbdFrame frame = walk.frame(i);
+      const cv::Mat expected = of_color.compute_mask(frame, walk.damaged(i)).image;
+      cv::cvtColor(frame.color, frame.gray, cv::COLOR_BGR2GRAY);
+      frame.color = cv::Mat::zeros(frame.color.size(), CV_8UC3);
+      const cv::Mat before = frame.gray.clone();
+      const cv::Mat found = of_gray.compute_mask(frame, walk.damaged(i)).image;
+      EXPECT_EQ(cv::countNonZero(found != expected), 0) << i;
+      EXPECT_EQ(of_gray.stats().blur.sharpness, of_color.stats().blur.sharpness) << i;
+      EXPECT_EQ(cv::countNonZero(frame.gray != before), 0) << "the caller's stays";
+    }
+  }
+}
+
 // A network that takes a piece of the wall for a person is not believed where the same wall had
 // been seen before, and a false mask is not carried along there.
 TEST(FrontEnd, BelievesNoMaskOnWhatIsKnownToBeStatic) {

@@ -32,6 +32,9 @@ struct RgbdFrame {
   /// `timestamp`; NaN: with the color. Kinects take the two up to 17 ms apart, and a camera that
   /// turns at 200 deg/s turns 3 degrees in that time.
   double depth_timestamp = std::numeric_limits<double>::quiet_NaN();
+  /// H x W, CV_8UC1: `color` in grey, if it is there anyway, as before a host's keypoints. Empty:
+  /// it is converted, at 1 % of the cost of the keypoints.
+  cv::Mat gray;
 
   /// When the depth was measured, as far as is known.
   double depth_time() const { return std::isnan(depth_timestamp) ? timestamp : depth_timestamp; }
@@ -86,6 +89,13 @@ inline void check_frame(const RgbdFrame& frame) {
   detail::check(std::isfinite(frame.timestamp), [&] {
     return "frame.timestamp: expected seconds, found " + std::to_string(frame.timestamp);
   });
+  detail::check(frame.gray.empty() ||
+                    (frame.gray.type() == CV_8UC1 && frame.gray.size() == frame.color.size()),
+                [&] {
+                  return "frame.gray: expected CV_8UC1 of the size of frame.color, " +
+                         size_text(frame.color) + ", found " + type_text(frame.gray) + " " +
+                         size_text(frame.gray);
+                });
   if (frame.depth.empty()) return;
   detail::check(std::abs(frame.depth_time() - frame.timestamp) <= kMostDepthOffsetS, [&] {
     return "frame.depth_timestamp: expected seconds of the clock of frame.timestamp, " +

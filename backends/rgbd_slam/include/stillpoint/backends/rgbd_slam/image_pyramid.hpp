@@ -16,7 +16,9 @@ namespace stillpoint::rgbd_slam {
 /// frame. Were that one shared, the next color frame would be converted into the caller's image,
 /// and what he draws into it between two calls would be tracked.
 inline void copy_gray(const RgbdFrame& frame, cv::Mat& gray) {
-  if (frame.color.channels() == 3)
+  if (!frame.gray.empty())
+    frame.gray.copyTo(gray);
+  else if (frame.color.channels() == 3)
     cv::cvtColor(frame.color, gray, cv::COLOR_BGR2GRAY);
   else
     frame.color.copyTo(gray);
