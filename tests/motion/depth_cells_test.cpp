@@ -74,9 +74,9 @@ TEST(DepthCells, KnowTheRaysOfAnImageThatTurned) {
     for (int y = 0; y < cells.height; ++y)
       for (int x = 0; x < cells.width; ++x) {
         const std::size_t i = cells.index(x, y);
-        const Eigen::Vector2f cell = cells.cell(cells.ray_x[i], cells.ray_y[i]);
-        EXPECT_NEAR(cell.x(), x, 1e-3);
-        EXPECT_NEAR(cell.y(), y, 1e-3);
+        const auto [u, v] = cells.cell(cells.ray_x[i], cells.ray_y[i]);
+        EXPECT_NEAR(u, x, 1e-3);
+        EXPECT_NEAR(v, y, 1e-3);
       }
   }
 }

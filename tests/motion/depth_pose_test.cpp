@@ -32,9 +32,9 @@ RgbdFrame scene(double timestamp, double x_m) {
 }
 
 // How far the pose is from where the camera stands, metres, after it was dragged for a second.
-double dragged_m(double mover_m_s) {
-  DepthPose pose;
-  FreeSpaceMap map;
+double dragged_m(double mover_m_s, const SensorModel& sensor = {}) {
+  DepthPose pose(sensor);
+  FreeSpaceMap map(sensor);
   DepthCells cells;
   FrameContext context;
   const EgoMotion resting;
@@ -51,6 +51,12 @@ double dragged_m(double mover_m_s) {
 TEST(DepthPose, IsDraggedAlongAWallByHalf) {
   EXPECT_LT(dragged_m(0), 0.001);
   EXPECT_LT(dragged_m(0.5), 0.28) << "0.43 where predictions begin at the last registered pose";
+}
+
+TEST(DepthPose, IsFoundWithASensorThatMeasuresFromItsLensOn) {
+  SensorModel sensor;
+  sensor.min_range_m = 0;
+  EXPECT_LT(dragged_m(0, sensor), 0.001);
 }
 
 }  // namespace

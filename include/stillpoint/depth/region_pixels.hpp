@@ -38,9 +38,12 @@ class RegionPixels {
         add_unmeasured(z + box.x, instance.mask.ptr<uchar>(y - box.y), box.width,
                        known + 1 + box.x);
     }
-    for (int y = 0; y < area.height; ++y)
-      add_unmeasured_beside(depth.ptr<std::uint16_t>(y), known_[y], known_[y + 1], known_[y + 2],
-                            area.width, mask.ptr<uchar>(y));
+    column_.resize(static_cast<std::size_t>(area.width) + 2);
+    for (int y = 0; y < area.height; ++y) {
+      join(known_[y], known_[y + 1], known_[y + 2], area.width + 2, column_.data());
+      add_unmeasured_beside(depth.ptr<std::uint16_t>(y), known_[y + 1], column_.data(), area.width,
+                            mask.ptr<uchar>(y));
+    }
   }
 
  private:
@@ -114,20 +117,24 @@ class RegionPixels {
                              uchar* STILLPOINT_RESTRICT out) {
     for (int x = 0; x < n; ++x) out[x] = ((z[x] == 0) & (among[x] != 0)) ? 255 : out[x];
   }
-  // At outlines cameras measure nothing: such pixels join the object right beside them. The rows
-  // of what is known begin a pixel before the others.
-  static void add_unmeasured_beside(const std::uint16_t* z, const uchar* above, const uchar* here,
-                                    const uchar* below, int n, uchar* STILLPOINT_RESTRICT out) {
+  static void join(const uchar* above, const uchar* here, const uchar* below, int n,
+                   uchar* STILLPOINT_RESTRICT column) {
+    for (int x = 0; x < n; ++x) column[x] = above[x] | here[x] | below[x];
+  }
+  // At outlines cameras measure nothing: such pixels join the object right beside them. `known` and
+  // `column`, which joins it with the rows above and below, begin a pixel before the others.
+  static void add_unmeasured_beside(const std::uint16_t* z, const uchar* known, const uchar* column,
+                                    int n, uchar* STILLPOINT_RESTRICT out) {
     for (int x = 0; x < n; ++x) {
-      const int beside = above[x] | above[x + 1] | above[x + 2] | here[x] | here[x + 1] |
-                         here[x + 2] | below[x] | below[x + 1] | below[x + 2];
-      out[x] = static_cast<uchar>(z[x] == 0 ? beside : here[x + 1]);
+      const int beside = column[x] | column[x + 1] | column[x + 2];
+      out[x] = static_cast<uchar>(known[x + 1] | (z[x] == 0 ? beside : 0));
     }
   }
 
   std::vector<std::uint16_t> count_, least_, most_;  // see look_around()
   cv::Mat_<std::uint16_t> lo_, hi_;                  // of a row of cells, for each column of pixels
-  cv::Mat_<uchar> known_;  // the object's pixels before those right beside it
+  cv::Mat_<uchar> known_;      // the object's pixels before those right beside it
+  std::vector<uchar> column_;  // see add_unmeasured_beside()
 };
 
 }  // namespace stillpoint

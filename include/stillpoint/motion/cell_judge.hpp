@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <opencv2/core.hpp>
@@ -36,6 +37,7 @@ class CellJudge {
       }
       first_.push_back(n);
     }
+    open_.know_nothing();
   }
 
   /// Compares the cells that are still open with a view that is `age_s` older. `free_to_m`: how far
@@ -93,8 +95,11 @@ class CellJudge {
     void set(std::size_t k, std::size_t i, const DepthCells& cells) {
       cell[k] = i;
       ray_x[k] = cells.ray_x[i], ray_y[k] = cells.ray_y[i], depth_m[k] = cells.depth_m[i];
-      score[k] = alone[k] = seen[k] = 0;
-      least_m_s[k] = kNever, most_m_s[k] = 0;
+    }
+    void know_nothing() {
+      for (auto* v : {&score, &alone, &seen}) std::fill(v->begin(), v->end(), 0);
+      std::fill(least_m_s.begin(), least_m_s.end(), kNever);
+      std::fill(most_m_s.begin(), most_m_s.end(), 0.0f);
     }
     void move(std::size_t from, std::size_t to) {
       cell[to] = cell[from];
@@ -173,11 +178,13 @@ class CellJudge {
     const float* surface = row.surface_m.data();
     for (std::size_t x = 0; x < n; ++x) {
       const float behind_by = z[x] - surface[x];
-      const bool behind = (behind_by > 0) & (behind_by * behind_by > step2[x]) & (surface[x] > 0) &
-                          (z[x] < CellProjection::kBeyond);
-      const float speed = behind ? behind_by * per_s : kNever;
-      least_m_s[x] = least_m_s[x] < speed ? least_m_s[x] : speed;
-      most_m_s[x] = most_m_s[x] > speed ? most_m_s[x] : speed;
+      const int behind = (behind_by > 0) & (behind_by * behind_by > step2[x]) & (surface[x] > 0) &
+                         (z[x] < CellProjection::kBeyond);
+      const float m_s = behind_by * per_s, never = kNever * static_cast<float>(1 - behind);
+      const float speed = m_s > never ? m_s : never;
+      const float least = least_m_s[x], most = most_m_s[x];
+      least_m_s[x] = least < speed ? least : speed;
+      most_m_s[x] = most > speed ? most : speed;
     }
   }
 

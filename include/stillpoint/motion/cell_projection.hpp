@@ -54,7 +54,8 @@ class CellProjection {
     const Eigen::Vector3f ray(cells_.ray_x[middle], cells_.ray_y[middle], 1),
         seen = T.linear() * ray;
     if (!(seen.z() > 0)) return T;
-    const float row = cells_.row_share(cells_.cell(seen.x() / seen.z(), seen.y() / seen.z()).y());
+    const float row =
+        cells_.row_share(cells_.cell(seen.x() / seen.z(), seen.y() / seen.z()).second);
     return view_.middle_of_row(row).transpose() * T;
   }
 

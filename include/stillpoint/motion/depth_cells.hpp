@@ -8,11 +8,13 @@
 #include <cstdint>
 #include <cstring>
 #include <opencv2/core.hpp>
+#include <utility>
 #include <vector>
 
 #include "stillpoint/core/config.hpp"
 #include "stillpoint/core/depth_view.hpp"
 #include "stillpoint/core/lens.hpp"
+#include "stillpoint/motion/packet.hpp"
 
 namespace stillpoint {
 
@@ -40,19 +42,21 @@ struct DepthCells {
   }
 
   /// Where a row of cells lies in the image, from -0.5 (the first) to 0.5 (the last).
-  float row_share(float y) const {
-    const float share = (y + 0.5f) / static_cast<float>(height) - 0.5f;
-    return std::min(0.5f, std::max(-0.5f, share));
+  template <class Number>
+  Number row_share(const Number& y) const {
+    const Number share = (y + 0.5f) / static_cast<float>(height) - 0.5f;
+    return detail::clamped(share, -0.5f, 0.5f);
   }
 
   /// Greatest difference in depth of two neighboring cells of one surface at depth z, metres.
   static float most_step_m(float z) { return 0.03f + 0.025f * z; }
 
-  /// The cell, in parts of cells, that a ray falls on. O(1).
-  Eigen::Vector2f cell(float x, float y) const {
-    const float xx = x * x, yy = y * y, xy = x * y;
-    const float r2 = std::min(xx + yy, distortion.most_square);
-    const float radial = 1 + r2 * (distortion.k1 + r2 * (distortion.k2 + r2 * distortion.k3));
+  /// The cell, in parts of cells, that a ray falls on; rays may be packets of numbers. O(1).
+  template <class Number>
+  STILLPOINT_ALWAYS_INLINE std::pair<Number, Number> cell(const Number& x, const Number& y) const {
+    const Number xx = x * x, yy = y * y, xy = x * y;
+    const Number r2 = detail::clamped(xx + yy, 0.0f, distortion.most_square);
+    const Number radial = 1 + r2 * (distortion.k1 + r2 * (distortion.k2 + r2 * distortion.k3));
     return {fx * (x * radial + 2 * distortion.p1 * xy + distortion.p2 * (r2 + 2 * xx)) + cx,
             fy * (y * radial + distortion.p1 * (r2 + 2 * yy) + 2 * distortion.p2 * xy) + cy};
   }
@@ -100,9 +104,11 @@ struct DepthCells {
       for (int k = 0; k < side; ++k)
         add_row(depth.row(y * block_px + 2 * k + 1) + 1, n, lo_.data(), hi_.data(), count_.data(),
                 sum_.data());
+      for (std::size_t x = 0; x < row_size(); ++x) join_columns(x, samples);
+      find_depth(lo_.data(), hi_.data(), count_.data(), sum_.data(), row_size(), samples * samples,
+                 depth.metres_per_unit_value(), noise, &depth_m[index(0, y)]);
       for (std::size_t x = 0; x < row_size(); ++x)
-        depth_m[index(0, y) + x] =
-            block_depth(x * samples, samples, depth.metres_per_unit_value(), noise);
+        if (count_[x] == samples * samples) note_spread(x, depth.metres_per_unit_value());
     }
   }
 
@@ -155,20 +161,41 @@ struct DepthCells {
       }
   }
 
-  // Of a cell that begins at a column.
-  STILLPOINT_ALWAYS_INLINE float block_depth(std::size_t first, std::size_t side, float to_m,
-                                             float noise) {
-    unsigned lo = 65535, hi = 0, n = 0, sum = 0;
-    for (std::size_t i = first; i < first + side; ++i) {
-      lo = std::min<unsigned>(lo, lo_[i]), hi = std::max<unsigned>(hi, hi_[i]);
-      n += count_[i], sum += sum_[i];
+  // Puts what the columns of cell x hold together, in column x.
+  STILLPOINT_ALWAYS_INLINE void join_columns(std::size_t x, std::size_t side) {
+    const std::size_t first = x * side;
+    std::uint16_t lo = lo_[first], hi = hi_[first], count = count_[first];
+    std::uint32_t sum = sum_[first];
+    for (std::size_t i = first + 1; i < first + side; ++i) {
+      lo = std::min(lo, lo_[i]), hi = std::max(hi, hi_[i]);
+      count = static_cast<std::uint16_t>(count + count_[i]), sum += sum_[i];
     }
-    if (n == 0) return -1;
-    if (2 * n < side * side) return 0;
-    const float near = static_cast<float>(lo + 1) * to_m, far = static_cast<float>(hi) * to_m;
-    if (n == side * side && near > kNoiseFromM) spread_.push_back((far - near) / (near * near));
-    const float whole = std::max(0.03f + 0.05f * near, kMostSpread * noise * near * near);
-    return far - near < whole ? static_cast<float>(sum) / static_cast<float>(n) * to_m : 0;
+    lo_[x] = lo, hi_[x] = hi, count_[x] = count, sum_[x] = sum;
+  }
+
+  // The depth of n cells of `all` pixels each. Without branches, too.
+  static void find_depth(const std::uint16_t* lo, const std::uint16_t* hi,
+                         const std::uint16_t* count, const std::uint32_t* sum, std::size_t n,
+                         std::size_t all, float to_m, float noise,
+                         float* STILLPOINT_RESTRICT depth_m) {
+    const int half = static_cast<int>(all + 1) / 2;
+    const float of_noise = kMostSpread * noise;
+    for (std::size_t i = 0; i < n; ++i) {
+      const float near = static_cast<float>(lo[i] + 1) * to_m,
+                  far = static_cast<float>(hi[i]) * to_m;
+      const float of_slope = 0.03f + 0.05f * near, spread = of_noise * near * near;
+      const float whole = of_slope < spread ? spread : of_slope;
+      const int none = count[i] == 0, is_whole = (far - near < whole) & (count[i] >= half);
+      const float mean =
+          static_cast<float>(static_cast<int>(sum[i])) / static_cast<float>(count[i] + none) * to_m;
+      depth_m[i] = mean * static_cast<float>(is_whole) - static_cast<float>(none);
+    }
+  }
+
+  void note_spread(std::size_t x, float to_m) {
+    const float near = static_cast<float>(lo_[x] + 1) * to_m,
+                far = static_cast<float>(hi_[x]) * to_m;
+    if (near > kNoiseFromM) spread_.push_back((far - near) / (near * near));
   }
 
   cv::Size rays_of_;

@@ -108,15 +108,19 @@ class FreeSpaceMap {
     view.surface_m.create(depth.size());
     const std::vector<std::uint8_t>& far = holes_.find(timestamp, cells, dynamic);
     const float hole_free_to_m = kSurelyInRange * holes_.range_m();
-    for (int y = 0; y < cells.height; ++y)
-      for (int x = 0; x < cells.width; ++x) {
-        const std::size_t i = cells.index(x, y);
-        const bool rim = x == 0 || y == 0 || x + 1 == cells.width || y + 1 == cells.height;
-        float& surface = view.surface_m(y, x);
-        surface = !rim && depth(y, x) > 0 && !dynamic[i] ? depth(y, x) : DepthKeyView::kNoSurface;
-        if (rim) view.free_to_m(y, x) = 0;
-        if (far[i] != 0) surface = DepthKeyView::kHole, view.free_to_m(y, x) = hole_free_to_m;
-      }
+    float *surface = view.surface_m.ptr<float>(), *free_to = view.free_to_m.ptr<float>();
+    for (std::size_t i = 0; i < cells.size(); ++i) {
+      const float z = cells.depth_m[i];
+      surface[i] = (z > 0) & (dynamic[i] == 0) ? z : DepthKeyView::kNoSurface;
+      surface[i] = far[i] != 0 ? DepthKeyView::kHole : surface[i];
+      free_to[i] = far[i] != 0 ? hole_free_to_m : free_to[i];
+    }
+    const auto set_rim = [](cv::Mat_<float>& image, float value) {
+      for (const int x : {0, image.cols - 1}) image.col(x).setTo(value);
+      for (const int y : {0, image.rows - 1}) image.row(y).setTo(value);
+    };
+    set_rim(view.surface_m, DepthKeyView::kNoSurface);
+    set_rim(view.free_to_m, 0);
   }
 
   // How far the cells of an image are free if they may lie beside where they are drawn.

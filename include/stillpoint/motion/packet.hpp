@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstring>
@@ -107,6 +108,15 @@ using Packet = PacketOf<4>;
 /// A factor that makes every number but 0 far larger than 1. Clamped to 0 to 1, such a product
 /// stands for an `if`, which packets do not have.
 inline constexpr float kHuge = 1e30f;
+
+/// Of a number or, each for itself, of those of a packet.
+inline float clamped(float x, float least, float most) {
+  return std::min(most, std::max(least, x));
+}
+template <std::size_t N>
+STILLPOINT_ALWAYS_INLINE PacketOf<N> clamped(const PacketOf<N>& x, float least, float most) {
+  return x.max(least).min(most);
+}
 
 /// In double precision, and in the same order in every build.
 template <std::size_t N>
