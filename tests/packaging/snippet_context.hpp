@@ -13,7 +13,7 @@ struct Detection {
   cv::Mat mask;
 };
 
-extern cv::Mat color, depth;
+extern cv::Mat color, depth, gray;
 extern double timestamp_s;
 extern bool network_has_a_result;
 extern std::vector<Detection> detections;

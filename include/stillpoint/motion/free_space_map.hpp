@@ -111,7 +111,8 @@ class FreeSpaceMap {
     float *surface = view.surface_m.ptr<float>(), *free_to = view.free_to_m.ptr<float>();
     for (std::size_t i = 0; i < cells.size(); ++i) {
       const float z = cells.depth_m[i];
-      surface[i] = (z > 0) & (dynamic[i] == 0) ? z : DepthKeyView::kNoSurface;
+      const bool is_static = (z > 0) & (dynamic[i] == 0);
+      surface[i] = is_static ? z : DepthKeyView::kNoSurface;
       surface[i] = far[i] != 0 ? DepthKeyView::kHole : surface[i];
       free_to[i] = far[i] != 0 ? hole_free_to_m : free_to[i];
     }
