@@ -32,7 +32,7 @@ namespace stillpoint {
 
 /// Settings of HostFrontEnd; the defaults suit ORB_SLAM2 and ORB_SLAM3.
 struct HostSettings {
-  /// Preset of the front end: "default", "network_only" (without the motion check: 2 ms per frame
+  /// Preset of the front end: "default", "network_only" (without the motion check: 1 ms per frame
   /// less) or "paper"; see FrontEndSettings. The motion check works best when correct_pose() is
   /// called for each frame.
   std::string preset = "default";
