@@ -38,6 +38,9 @@ struct RgbdFrame {
 
   /// When the depth was measured, as far as is known.
   double depth_time() const { return std::isnan(depth_timestamp) ? timestamp : depth_timestamp; }
+  /// The grey image where nothing needs to be converted: `gray`, or `color` of one channel; else an
+  /// empty one.
+  const cv::Mat& given_gray() const { return gray.empty() && color.channels() == 1 ? color : gray; }
 };
 
 /// Metres per stored unit of `frame.depth`.

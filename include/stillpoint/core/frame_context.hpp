@@ -34,8 +34,7 @@ class FrameContext {
   /// The grey image, CV_8UC1: the frame's, or converted at the first call. Not to be written to: it
   /// may be the caller's.
   const cv::Mat& gray() const {
-    if (!frame.gray.empty()) return frame.gray;
-    if (frame.color.channels() == 1) return frame.color;
+    if (!frame.given_gray().empty()) return frame.given_gray();
     if (!converted_) cv::cvtColor(frame.color, gray_, cv::COLOR_BGR2GRAY);
     converted_ = true;
     return gray_;
@@ -43,8 +42,7 @@ class FrameContext {
 
   /// Row `y` of it; if it has not been converted, that row alone is.
   const uchar* gray_row(int y) const {
-    if (converted_ || !frame.gray.empty() || frame.color.channels() == 1)
-      return gray().ptr<uchar>(y);
+    if (converted_ || !frame.given_gray().empty()) return gray().ptr<uchar>(y);
     gray_.create(size(), CV_8UC1);
     cv::Mat row = gray_.row(y);
     cv::cvtColor(frame.color.row(y), row, cv::COLOR_BGR2GRAY);

@@ -242,9 +242,6 @@ class DepthRegistration {
     result.readout_off_s = -(right + h.dot(step)) / information;
   }
 
-  // 1 where a number is positive, else 0.
-  static Packet is_positive(const Packet& p) { return (p * detail::kHuge).max(0).min(1); }
-
   static constexpr float kLeastRadS = 0.1f;     // slower, rows do not lie beside each other
   static constexpr float kCellSigmaM = 0.005f;  // a cell's depth is a mean over its pixels
   static constexpr float kUsualArea = 4;        // weight of a cell 2 m away

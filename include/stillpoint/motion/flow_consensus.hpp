@@ -82,7 +82,7 @@ class FlowConsensus {
       const View seen = look(b, move);
       // 0 where a depth that is known speaks against it.
       const Packet excess = (b.depth - seen.z).abs() - b.depth_tolerance;
-      agree += b.area * seen.nearness * (1 - (excess * kHuge).max(0.0f)).max(0.0f);
+      agree += b.area * seen.nearness * (1 - is_positive(excess));
       all += b.area;
     }
     const double total = sum(all);
@@ -211,7 +211,7 @@ class FlowConsensus {
     for (const Block& b : blocks_) {
       const View s = look(b, move);
       const Packet weight = b.area * s.nearness * s.nearness, inverse = 1 / s.z;
-      count += (weight * kHuge).min(1.0f);
+      count += is_positive(weight);
       sums.add(weight,
                {fx * inverse, Packet::constant(0), -fx * inverse * s.x, -fx * s.x * s.y,
                 fx * (1 + s.x * s.x), -fx * s.y},

@@ -109,6 +109,12 @@ using Packet = PacketOf<4>;
 /// stands for an `if`, which packets do not have.
 inline constexpr float kHuge = 1e30f;
 
+/// 1 where a number is positive, else 0.
+template <std::size_t N>
+STILLPOINT_ALWAYS_INLINE PacketOf<N> is_positive(const PacketOf<N>& x) {
+  return (x * kHuge).max(0).min(1);
+}
+
 /// Of a number or, each for itself, of those of a packet.
 inline float clamped(float x, float least, float most) {
   return std::min(most, std::max(least, x));

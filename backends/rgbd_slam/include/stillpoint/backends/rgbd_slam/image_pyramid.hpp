@@ -16,12 +16,10 @@ namespace stillpoint::rgbd_slam {
 /// frame. Were that one shared, the next color frame would be converted into the caller's image,
 /// and what he draws into it between two calls would be tracked.
 inline void copy_gray(const RgbdFrame& frame, cv::Mat& gray) {
-  if (!frame.gray.empty())
-    frame.gray.copyTo(gray);
-  else if (frame.color.channels() == 3)
+  if (frame.given_gray().empty())
     cv::cvtColor(frame.color, gray, cv::COLOR_BGR2GRAY);
   else
-    frame.color.copyTo(gray);
+    frame.given_gray().copyTo(gray);
 }
 
 /// An image and smaller ones of it. Pixel centres are at whole numbers on every level.
