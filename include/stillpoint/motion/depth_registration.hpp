@@ -179,7 +179,8 @@ class DepthRegistration {
         error);
   }
 
-  // The surface that a view shows at four cells; known where all is well.
+  // What a view shows where four points fall; not known beside the view, too near, at an edge, and
+  // of places without a point.
   Surface look_up(const DepthKeyView& view, const Packet& u, const Packet& v, const Packet& z,
                   const Packet& area) const {
     Surface s;
