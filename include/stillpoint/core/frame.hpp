@@ -34,7 +34,7 @@ struct RgbdFrame {
   double depth_timestamp = std::numeric_limits<double>::quiet_NaN();
   /// H x W, CV_8UC1: `color` in grey, if it is there anyway, as before a host's keypoints. Empty:
   /// it is converted, at 1 % of the cost of the keypoints.
-  cv::Mat gray;
+  cv::Mat gray{};
 
   /// When the depth was measured, as far as is known.
   double depth_time() const { return std::isnan(depth_timestamp) ? timestamp : depth_timestamp; }
