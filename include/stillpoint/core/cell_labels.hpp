@@ -8,6 +8,7 @@
 #include <opencv2/imgproc.hpp>
 #include <vector>
 
+#include "stillpoint/core/fill_image.hpp"
 #include "stillpoint/core/instance.hpp"
 
 namespace stillpoint {
@@ -100,7 +101,8 @@ class CellLabels {
         const int first = x;
         while (x < last_x && cells(y, x) != 0) ++x;
         if (x > first)
-          mask((cv::Rect(first * b, y * b, (x - first) * b, b) & area) - area.tl()).setTo(0);
+          detail::fill_part(
+              mask, (cv::Rect(first * b, y * b, (x - first) * b, b) & area) - area.tl(), uchar{0});
       }
   }
 

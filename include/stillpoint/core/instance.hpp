@@ -9,6 +9,7 @@
 
 #include "stillpoint/core/blur.hpp"
 #include "stillpoint/core/error.hpp"
+#include "stillpoint/core/fill_image.hpp"
 #include "stillpoint/core/frame.hpp"
 
 namespace stillpoint {
@@ -81,10 +82,13 @@ namespace detail {
 
 /// Sets `mask` to 255 in the box of an instance: where its own mask is set, or everywhere.
 inline void add_to_mask(const Instance& instance, cv::Mat& mask) {
-  if (instance.mask.empty())
-    mask(instance.box).setTo(255);
-  else
-    mask(instance.box).setTo(255, instance.mask);
+  cv::Mat in_box = mask(instance.box);
+  if (instance.mask.empty()) return fill_image(in_box, uchar{255});
+  for (int y = 0, width = in_box.cols; y < in_box.rows; ++y) {
+    const uchar* own = instance.mask.ptr(y);
+    uchar* all = in_box.ptr(y);
+    for (int x = 0; x < width; ++x) all[x] = own[x] != 0 ? uchar{255} : all[x];
+  }
 }
 
 }  // namespace detail

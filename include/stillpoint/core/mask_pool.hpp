@@ -6,6 +6,8 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
+#include "stillpoint/core/fill_image.hpp"
+
 namespace stillpoint {
 namespace detail {
 
@@ -31,6 +33,13 @@ class MaskPool {
     }
     if (free->cols < capacity_) *free = cv::Mat(1, capacity_, CV_8UC1);
     return free->colRange(0, n).reshape(1, size.height);
+  }
+
+  /// The same, set to 0.
+  cv::Mat zeros(const cv::Size& size) {
+    cv::Mat mask = take(size);
+    fill_image(mask, uchar{0});
+    return mask;
   }
 
   /// Whether another cv::Mat shares the memory of this one.

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "stillpoint/core/cell_labels.hpp"
+#include "stillpoint/core/fill_image.hpp"
 #include "stillpoint/core/instance.hpp"
 #include "stillpoint/depth/depth_samples.hpp"
 
@@ -80,7 +81,7 @@ class ObjectDepthRange {
     const bool bare = instance.mask.empty();
     const float bins_per_unit = samples.depth().metres_per_unit_value() / kBinM;
     states.create(samples.units().size());
-    states.setTo(static_cast<int>(kOffMask));
+    detail::fill_image(states, std::uint8_t{kOffMask});
     histogram_.fill(0);
     int all = 0, measured = 0;
     samples.for_each_in(box, [&](const cv::Point& cell, const cv::Point& p) {

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "stillpoint/core/cell_labels.hpp"
+#include "stillpoint/core/fill_image.hpp"
 #include "stillpoint/motion/cell_judge.hpp"
 #include "stillpoint/motion/cell_projection.hpp"
 #include "stillpoint/motion/depth_cells.hpp"
@@ -117,8 +118,10 @@ class FreeSpaceMap {
       free_to[i] = far[i] != 0 ? hole_free_to_m : free_to[i];
     }
     const auto set_rim = [](cv::Mat_<float>& image, float value) {
-      for (const int x : {0, image.cols - 1}) image.col(x).setTo(value);
-      for (const int y : {0, image.rows - 1}) image.row(y).setTo(value);
+      for (const int x : {0, image.cols - 1})
+        detail::fill_part(image, {x, 0, 1, image.rows}, value);
+      for (const int y : {0, image.rows - 1})
+        detail::fill_part(image, {0, y, image.cols, 1}, value);
     };
     set_rim(view.surface_m, DepthKeyView::kNoSurface);
     set_rim(view.free_to_m, 0);

@@ -252,8 +252,7 @@ class ForwardPredictor {
     if (can_look) instance.depth_m = object_.predicted_depth_m();
     instance.predicted = true;
     if (!instance.mask.empty()) {
-      instance.mask = masks_.take(area.size());
-      instance.mask.setTo(0);
+      instance.mask = masks_.zeros(area.size());
       object_.draw_predicted(area, instance.mask);
     }
     instance.box = area;

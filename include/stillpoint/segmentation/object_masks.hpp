@@ -31,8 +31,7 @@ class ObjectMasks {
     const cv::Rect predicted = object.predicted_box(context.size());
     if (predicted.empty()) return false;
     const cv::Rect area = shown ? predicted | instance.box : predicted;
-    cv::Mat mask = masks_.take(area.size());
-    mask.setTo(0);
+    cv::Mat mask = masks_.zeros(area.size());
     object.draw_predicted(area, mask);
     context.labels.clear_static(area, mask, object.class_name.empty());
     if (shown) {

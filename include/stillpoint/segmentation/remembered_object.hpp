@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "stillpoint/core/depth_view.hpp"
+#include "stillpoint/core/fill_image.hpp"
 #include "stillpoint/core/frame.hpp"
 #include "stillpoint/core/frame_context.hpp"
 #include "stillpoint/core/instance.hpp"
@@ -60,10 +61,11 @@ class RememberedObject {
     box_ = limit ? instance.box & limit->box : instance.box;
     mask_.resize(static_cast<std::size_t>(box_.area()));
     cv::Mat mask(box_.size(), CV_8UC1, mask_.data());
-    mask.setTo(255);
-    for (const Instance* part : {&instance, limit})
-      if (part && !part->mask.empty() && !box_.empty())
-        cv::bitwise_and(mask, part->mask(box_ - part->box.tl()), mask);
+    if (instance.mask.empty() || box_.empty())
+      detail::fill_image(mask, uchar{255});
+    else
+      instance.mask(box_ - instance.box.tl()).copyTo(mask);
+    if (limit && !box_.empty()) cv::bitwise_and(mask, limit->mask(box_ - limit->box.tl()), mask);
     // The image is only looked at where the depth cannot tell.
     if (depth.empty())
       patch_.sample(context.gray(), instance);
