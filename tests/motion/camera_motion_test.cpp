@@ -11,6 +11,7 @@
 #include <optional>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "../any_size.hpp"
 #include "check_alone.hpp"
@@ -263,6 +264,21 @@ TEST(CameraMotion, FindsOutlierClustersThatAreMostOfTheCorners) {
   ASSERT_TRUE(found.has_value());
   EXPECT_LT((found->T_current_last * second).translation().norm(), 0.004);
   EXPECT_GT(2 * outliers(motion, frame, truth).size(), motion.followed());
+}
+
+// A turn of the camera moves the image by 14 pixels, and a board by one: in an image as sharp as
+// this one corners are followed well enough to tell.
+TEST(CameraMotion, FindsInASharpTurnWhatMovesByAFourteenthOfIt) {
+  for (const double moved_m : {0.0046, -0.0046}) {
+    const Eigen::Isometry3d second = pose(0, 0, 3);
+    CameraMotion motion;
+    add(motion, render(0, pose(0, 0, 0), 0.0), Eigen::Isometry3d::Identity());
+    const RgbdFrame frame = render(0.03, second, moved_m);
+    add(motion, frame, second.inverse());
+    const std::vector<OutlierCorner> of_board = outliers(motion, frame, second.inverse());
+    EXPECT_GT(of_board.size(), 10u) << moved_m;
+    for (const OutlierCorner& corner : of_board) EXPECT_LT(corner.depth_m, 1.5);
+  }
 }
 
 // A person has the strongest corners, and most of them.

@@ -31,10 +31,10 @@ namespace detail {
 class OutlierClusters {
  public:
   /// The corners in clusters that move otherwise than a motion says, and than another one if there
-  /// is one: off by over 1.3 pixels (of 640 in a row), four times the median by area, and
-  /// `smeared_share` (blur, shutter) of their own displacement, with at least
-  /// four others within 0.3 m that move alike, and more than do not. None lies at an edge of
-  /// `depth`, that of the frame they were followed into. O(corners squared).
+  /// is one: off by over 1.3 pixels (of 640 in a row), four times the median by area, and, of their
+  /// own displacement, `smeared_share` (shutter) and four times the median share, at most 0.12;
+  /// with at least four others within 0.3 m that move alike, and more than do not. None lies at an
+  /// edge of `depth`, that of the frame they were followed into. O(corners squared).
   const std::vector<OutlierCorner>& find(const std::vector<Flow>& flows, const CornerImage& now,
                                          const DepthView& depth,
                                          const Eigen::Isometry3d& T_current_last,
@@ -44,7 +44,12 @@ class OutlierClusters {
     if (flows.empty()) return outliers_;
     const float limit_another = another ? measure(flows, now, *another, other_errors_) : 0;
     const float limit = measure(flows, now, T_current_last, errors_);
-    const float per_px = std::max(kBlurError, static_cast<float>(smeared_share));
+    const float blurred_share =
+        kTimesMedian * median_by_area(flows, [&](std::size_t i) {
+          return errors_[i].norm() / std::max(1.0f, length_px(flows[i], now));
+        });
+    const float per_px =
+        std::max(std::min(blurred_share, kMostBlurred), static_cast<float>(smeared_share));
     for (std::size_t i = 0; i < flows.size(); ++i) {
       const Flow& f = flows[i];
       const float size = size_of(f, errors_[i]);
@@ -68,8 +73,10 @@ class OutlierClusters {
   static constexpr float kLeastOutlier = 0.65f;  // fine pixels
   static constexpr float kClusterM = 0.3f;
   static constexpr int kFewestWith = 4;
-  // Of a corner's displacement: what is blurred is followed ill.
-  static constexpr float kBlurError = 0.12f;
+  static constexpr float kTimesMedian = 4;
+  // What is blurred is followed ill, in parts of its displacement; no more than this is taken for
+  // blur, as in an image full of people the median is theirs.
+  static constexpr float kMostBlurred = 0.12f;
 
   // Fills the errors, pixels; returns from which on one is not just noise.
   float measure(const std::vector<Flow>& flows, const CornerImage& now,
@@ -77,18 +84,24 @@ class OutlierClusters {
     const Eigen::Matrix3f R = T_current_last.linear().cast<float>();
     const Eigen::Vector3f t = T_current_last.translation().cast<float>();
     errors.clear();
+    for (const Flow& f : flows) errors.push_back(error_px(f, now, R * f.from + t));
+    const float median = median_by_area(flows, [&](std::size_t i) { return errors[i].norm(); });
+    return std::max(kLeastOutlier * static_cast<float>(now.scale), kTimesMedian * median);
+  }
+
+  // The median by area of a value of each flow: people close by may have most of the corners.
+  template <class Value>
+  float median_by_area(const std::vector<Flow>& flows, Value&& value) {
     sorted_.clear();
     float half = 0;
-    for (const Flow& f : flows) {
-      errors.push_back(error_px(f, now, R * f.from + t));
-      sorted_.emplace_back(errors.back().norm(), f.area);
-      half += 0.5f * f.area;
+    for (std::size_t i = 0; i < flows.size(); ++i) {
+      sorted_.emplace_back(value(i), flows[i].area);
+      half += 0.5f * flows[i].area;
     }
-    // The median by area: people close by may have most of the corners.
     std::sort(sorted_.begin(), sorted_.end());
     std::size_t median = 0;
     while (median + 1 < sorted_.size() && (half -= sorted_[median].second) > 0) ++median;
-    return std::max(kLeastOutlier * static_cast<float>(now.scale), 4 * sorted_[median].first);
+    return sorted_[median].first;
   }
 
   static Eigen::Vector2f error_px(const Flow& f, const CornerImage& now, const Eigen::Vector3f& q) {
@@ -118,7 +131,7 @@ class OutlierClusters {
   }
 
   std::vector<Eigen::Vector2f> errors_, other_errors_;
-  std::vector<std::pair<float, float>> sorted_;  // error and area
+  std::vector<std::pair<float, float>> sorted_;  // value and area
   std::vector<OutlierCorner> outliers_;
 };
 
