@@ -266,6 +266,28 @@ TEST(CameraMotion, FindsOutlierClustersThatAreMostOfTheCorners) {
   EXPECT_GT(2 * outliers(motion, frame, truth).size(), motion.followed());
 }
 
+// Whether the depth image is even around its middle, 1.2 m there, `z(dx)` a column dx beside it.
+template <class Depth>
+bool is_even(Depth&& z) {
+  RgbdFrame frame = render(0, pose(0, 0, 0));
+  for (int x = 0; x < kWidth; ++x)
+    frame.depth.col(x).setTo(std::lround(z(x - kWidth / 2) * frame.depth_units_per_m));
+  FrameContext context;
+  context.begin(frame, small_camera());
+  detail::CornerImage image;
+  image.set(context);
+  return image.is_even(context.depth, {kWidth / 2, kHeight / 2}, 1.2f);
+}
+
+TEST(CornerImage, TellsASlantFromAnEdge) {
+  EXPECT_TRUE(is_even([](int dx) { return 1.2 + 0.012 * dx; })) << "0.19 m over the patch";
+  EXPECT_TRUE(is_even([](int dx) { return dx < 2 ? 1.2 + 0.012 * dx : 0; })) << "a hole";
+  EXPECT_TRUE(is_even([](int dx) { return dx < 10 ? 1.2 : 1.6; })) << "an edge farther away";
+  EXPECT_FALSE(is_even([](int dx) { return dx < 7 ? 1.2 : 1.6; }));
+  EXPECT_FALSE(is_even([](int dx) { return dx < -6 ? 0.8 : 1.2; }));
+  EXPECT_FALSE(is_even([](int dx) { return dx < 2 ? 1.2 : dx < 7 ? 0 : 1.6; })) << "its shadow";
+}
+
 // A turn of the camera moves the image by 14 pixels, and a board by one: in an image as sharp as
 // this one corners are followed well enough to tell.
 TEST(CameraMotion, FindsInASharpTurnWhatMovesByAFourteenthOfIt) {

@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <algorithm>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <opencv2/core.hpp>
@@ -118,7 +119,7 @@ class CornerImage {
   /// Depth around a pixel; 0 where it is not measured, or an edge tears the patch on the fine
   /// image.
   float whole_depth(const DepthView& view, int u, int v) const {
-    if (!is_whole(view, u, v, kNear)) return 0;
+    if (!is_whole(view, u, v)) return 0;
     const int step = 2 * scale;
     int sum = 0, n = 0;
     for (int y = v - step; y <= v + step; y += step)
@@ -130,9 +131,38 @@ class CornerImage {
                  : static_cast<float>(sum) / static_cast<float>(n) * view.metres_per_unit_value();
   }
 
-  /// Whether no edge tears the depth around a pixel, up to `fine_reach` fine pixels away.
-  bool is_whole(const DepthView& view, int u, int v, int fine_reach) const {
-    const int reach = fine_reach * scale, step = 2 * scale;
+  /// Whether the depth around a pixel, `depth_m` there, goes on evenly up to kFar fine pixels away:
+  /// on a surface of any slant it falls on one side by as much as it rises on the other. What is
+  /// not measured is taken to be as deep as the pixel.
+  bool is_even(const DepthView& view, const cv::Point& p, float depth_m) const {
+    const int reach = kFar * scale, step = 2 * scale;
+    const cv::Rect patch(p.x - reach, p.y - reach, 2 * reach + 1, 2 * reach + 1);
+    if ((patch & cv::Rect(cv::Point(), view.size())) != patch) return false;
+    const float most_m = most_step_m(depth_m);
+    const auto at = [&](int x, int y) {
+      const std::uint16_t units = view.row(p.y + y)[p.x + x];
+      return units == 0 ? depth_m : view.to_m(units);
+    };
+    for (int y = 0; y <= reach; y += step)
+      for (int x = -reach; x <= reach; x += step)
+        if (std::abs(at(x, y) + at(-x, -y) - 2 * depth_m) > most_m) return false;
+    return true;
+  }
+
+ private:
+  static constexpr int kBlock = 5;                 // coarse pixels; one corner each
+  static constexpr int kRim = Patch::kRadius + 2;  // coarse pixels; no corner there
+  static constexpr float kMinScore = 2e-4f;
+  // Of what lies beyond the range: that it is nearer moves it by less than a pixel per centimetre.
+  static constexpr float kFarM = 10;
+  static constexpr float kEndOfRange = 0.85f;  // as in FarHoles
+
+  // A greater step of the depth is an edge.
+  static float most_step_m(float near_m) { return 0.05f + 0.07f * near_m; }
+
+  // Whether no edge tears the depth in the patch around a pixel.
+  bool is_whole(const DepthView& view, int u, int v) const {
+    const int reach = kNear * scale, step = 2 * scale;
     if (u < reach || v < reach || u + reach >= view.size().width || v + reach >= view.size().height)
       return false;
     std::uint16_t lo = 65535, hi = 0;  // lo: one less, so that 0, no measurement, is the highest
@@ -144,18 +174,10 @@ class CornerImage {
       }
       // Most patches that are torn are so before the last row.
       const float near = view.to_m(static_cast<std::uint16_t>(lo + 1));
-      if (!(view.to_m(hi) - near < 0.05f + 0.07f * near)) return false;
+      if (!(view.to_m(hi) - near < most_step_m(near))) return false;
     }
     return true;
   }
-
- private:
-  static constexpr int kBlock = 5;                 // coarse pixels; one corner each
-  static constexpr int kRim = Patch::kRadius + 2;  // coarse pixels; no corner there
-  static constexpr float kMinScore = 2e-4f;
-  // Of what lies beyond the range: that it is nearer moves it by less than a pixel per centimetre.
-  static constexpr float kFarM = 10;
-  static constexpr float kEndOfRange = 0.85f;  // as in FarHoles
 
   void find_corners(const DepthView& view) {
     scores_.find(coarse_bytes_, score_);

@@ -122,8 +122,7 @@ class OutlierClusters {
 
   // No depth edge in all of its patch.
   static bool is_smooth(const Flow& f, const CornerImage& now, const DepthView& depth) {
-    const cv::Point pixel = f.nearest_pixel();
-    return f.depth_m > 0 && now.is_whole(depth, pixel.x, pixel.y, CornerImage::kFar);
+    return f.depth_m > 0 && now.is_even(depth, f.nearest_pixel(), f.depth_m);
   }
 
   static bool same_patch(const Flow& a, const Flow& b) {
