@@ -50,9 +50,11 @@ class OutlierClusters {
         });
     const float per_px =
         std::max(std::min(blurred_share, kMostBlurred), static_cast<float>(smeared_share));
+    sizes_.clear();
+    for (std::size_t i = 0; i < flows.size(); ++i) sizes_.push_back(size_of(flows[i], errors_[i]));
     for (std::size_t i = 0; i < flows.size(); ++i) {
       const Flow& f = flows[i];
-      const float size = size_of(f, errors_[i]);
+      const float size = sizes_[i];
       if (size < std::max(limit, per_px * length_px(f, now)) ||
           (another && size_of(f, other_errors_[i]) < limit_another) || !is_smooth(f, now, depth))
         continue;
@@ -61,7 +63,7 @@ class OutlierClusters {
         if ((f.from - flows[j].from).squaredNorm() > kClusterM * kClusterM) continue;
         if ((errors_[i] - errors_[j]).norm() > 0.5f * size)
           ++against;
-        else if (size_of(flows[j], errors_[j]) >= limit && !same_patch(f, flows[j]))
+        else if (sizes_[j] >= limit && !same_patch(f, flows[j]))
           ++with;
       }
       if (with >= kFewestWith && with > against) outliers_.push_back({f.u, f.v, f.depth_m});
@@ -130,6 +132,7 @@ class OutlierClusters {
   }
 
   std::vector<Eigen::Vector2f> errors_, other_errors_;
+  std::vector<float> sizes_;                     // of errors_
   std::vector<std::pair<float, float>> sorted_;  // value and area
   std::vector<OutlierCorner> outliers_;
 };
