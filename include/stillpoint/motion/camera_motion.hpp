@@ -112,6 +112,7 @@ class CameraMotion {
   static constexpr double kSure = 0.5;        // no doubt that the corners were found again
   static constexpr double kPlainShare = 0.4;  // of the best support; see plain_motion()
   static constexpr double kNearPx = 2;        // fine ones: corners are found again from there
+  static constexpr int kPartPx = 60;          // fine ones: a fifth of the image's width
   // A motion that is too sudden needs more support than a steady one, by so much.
   static constexpr double kSteadyShare = 0.75;
   static constexpr double kSurelySudden = 0.6;  // with less the steady one is assumed, for a frame
@@ -202,7 +203,15 @@ class CameraMotion {
 
   void follow_all(const DepthView& depth, const Eigen::Isometry3d& guess) {
     consensus_.begin(current_);
+    voters_.assign(part({last_.fine.cols, last_.fine.rows}) + 1, 0);
+    for (const detail::Corner& c : last_.corners) voters_[part({c.x, c.y})] += c.dynamic ? 0 : 1;
     for (const detail::Corner& c : last_.corners) follow(c, depth, guess);
+  }
+
+  // The part of the image that a fine pixel is in.
+  std::size_t part(const cv::Point& p) const {
+    const int in_a_row = last_.fine.cols / kPartPx + 1;
+    return static_cast<std::size_t>(p.y / kPartPx * in_a_row + p.x / kPartPx);
   }
 
   void follow(const detail::Corner& c, const DepthView& depth, const Eigen::Isometry3d& guess) {
@@ -224,6 +233,7 @@ class CameraMotion {
     const Eigen::Vector2f flat = current_.project(lens.ray(f.u, f.v).homogeneous());
     f.flat_u = flat.x(), f.flat_v = flat.y();
     f.area = c.dynamic ? 0 : std::min(c.depth_m, 4.0f) * std::min(c.depth_m, 4.0f);
+    f.even_area = c.dynamic ? 0 : f.area / voters_[part({c.x, c.y})];
     const cv::Point pixel = f.nearest_pixel();
     f.depth_m = current_.whole_depth(depth, pixel.x, pixel.y);
     // Of two measurements, the corner's in the last frame and this one.
@@ -245,6 +255,7 @@ class CameraMotion {
   // Of the last frame; from the frame before, and of the last motion, seconds.
   double last_s_ = 0, step_s_ = 0, motion_step_s_ = 1;
   double usual_support_ = 1;
+  std::vector<float> voters_;  // corners with a say in each part of the image
   detail::RotationAlignment alignment_;
   detail::FlowConsensus consensus_, other_consensus_;
   detail::OutlierClusters outliers_;

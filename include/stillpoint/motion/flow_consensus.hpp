@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <opencv2/core.hpp>
@@ -14,28 +15,10 @@
 #include "stillpoint/core/random.hpp"
 #include "stillpoint/core/rigid_motion.hpp"
 #include "stillpoint/motion/corner_image.hpp"
+#include "stillpoint/motion/flow.hpp"
 #include "stillpoint/motion/packet.hpp"
 
 namespace stillpoint::detail {
-
-/// A corner that was followed from the last frame into the new one.
-struct Flow {
-  Eigen::Vector3f from;     ///< in space, in the last frame's camera, metres
-  int x, y;                 ///< in the last frame, pixels of its fine image
-  float u, v;               ///< in the new frame, raw pixels
-  float flat_u, flat_v;     ///< the same, undistorted
-  float depth_m;            ///< in the new frame; 0: not measured
-  float depth_tolerance_m;  ///< a greater difference from it is not noise
-  float area;               ///< that it stands for in space; 0: it has no say
-  /// Information of the patch, scaled so that its greater eigenvalue is 1: e^T information e is the
-  /// square of an error without its part along an edge, which the patch cannot tell.
-  Eigen::Matrix2f information;
-
-  /// In the new frame.
-  cv::Point nearest_pixel() const {
-    return {static_cast<int>(u + 0.5f), static_cast<int>(v + 0.5f)};
-  }
-};
 
 /// Corners that were followed, and the motion that most of their area agrees with.
 class FlowConsensus {
@@ -48,6 +31,7 @@ class FlowConsensus {
     voters_ = 0;
     flows_.clear();
     blocks_.clear();
+    even_areas_.clear();
     fx_ = now.fx, fy_ = now.fy, cx_ = now.cx, cy_ = now.cy;
     scale_ = static_cast<float>(now.scale);
     tolerate(1);
@@ -56,6 +40,8 @@ class FlowConsensus {
   /// Those without a say come last.
   void add(const Flow& f) {
     voters_ += f.area > 0;
+    if (f.area > 0)
+      even_areas_.push_back(f.even_area + (even_areas_.empty() ? 0 : even_areas_.back()));
     const std::size_t k = flows_.size() % 4;
     if (k == 0) blocks_.push_back(Block());
     blocks_.back().set(k, f);
@@ -76,17 +62,7 @@ class FlowConsensus {
 
   /// Share of the area that agrees with a motion.
   double support(const Eigen::Isometry3d& T_current_last) const {
-    const Motion move(T_current_last);
-    Packet agree = Packet::constant(0), all = Packet::constant(0);
-    for (const Block& b : blocks_) {
-      const View seen = look(b, move);
-      // 0 where a depth that is known speaks against it.
-      const Packet excess = (b.depth - seen.z).abs() - b.depth_tolerance;
-      agree += b.area * seen.nearness * (1 - is_positive(excess));
-      all += b.area;
-    }
-    const double total = sum(all);
-    return total > 0 ? sum(agree) / total : 0;
+    return agreement(T_current_last, &Block::area);
   }
 
   /// Steps from a motion that is nearly right to the one nearby with the most support, and returns
@@ -101,7 +77,8 @@ class FlowConsensus {
   }
 
   /// Turns the guess T into the motion with the most support, and returns that: steps from the
-  /// guess and from `another` and, unless one of these has `enough`, from three flows at a time.
+  /// guess and from `another` and, unless one of these has `enough`, from three flows at a time,
+  /// and a look at its rival.
   double search(Eigen::Isometry3d& T, Eigen::Isometry3d another, double enough) const {
     if (voters_ < kMinFlows) return 0;
     const Eigen::Isometry3d guess = T;
@@ -112,11 +89,13 @@ class FlowConsensus {
     RandomGenerator random(1);
     // The more agree, the sooner three that are all of the world have been drawn.
     for (int i = 0; look_further && i < kHypotheses && i * best * best * best < 40; ++i) {
-      std::optional<Eigen::Isometry3d> of_three = from_three(random, guess);
+      const auto any = [&] { return random.below(voters_); };
+      std::optional<Eigen::Isometry3d> of_three = from_three(any, guess);
       if (!of_three || support(*of_three) < kPromising * best) continue;
       const double improved = improve(*of_three);
       if (improved > best) T = *of_three, best = improved;
     }
+    if (look_further) T = rival(T, best, guess).value_or(T);
     return improve(T, 6);
   }
 
@@ -126,16 +105,22 @@ class FlowConsensus {
   static constexpr float kBlurredTolerance = 2.5f;  // times kMaxError
   static constexpr double kTinyStep = 1e-5;
   static constexpr double kPromising = 0.5;
+  // See rival(): how many are tried; a motion with more even support has none; how much a rival
+  // needs, how much more than the motion, and how much of its support.
+  static constexpr int kRivals = 20;
+  static constexpr double kNoRivalFrom = 0.75, kRivalNeeds = 0.6, kMoreEven = 0.06;
+  static constexpr double kNearlyAsMuch = 0.85;
 
   // Four flows in packets; places without a flow have no area.
   struct Block {
     Packet x = Packet::constant(0), y = x, z = Packet::constant(1);  // in space before
-    Packet u = x, v = x, depth = x, depth_tolerance = x, area = x;
+    Packet u = x, v = x, depth = x, depth_tolerance = x, area = x, even_area = x;
 
     void set(std::size_t k, const Flow& f) {
       x.set(k, f.from.x()), y.set(k, f.from.y()), z.set(k, f.from.z());
       u.set(k, f.flat_u), v.set(k, f.flat_v), depth.set(k, f.depth_m), area.set(k, f.area);
       depth_tolerance.set(k, f.depth_m > 0 ? f.depth_tolerance_m : kHuge);
+      even_area.set(k, f.even_area);
     }
   };
 
@@ -178,10 +163,52 @@ class FlowConsensus {
     return s;
   }
 
-  // The motion that three flows agree with: exact, by steps from the guess.
-  std::optional<Eigen::Isometry3d> from_three(RandomGenerator& random, Eigen::Isometry3d T) const {
+  // Share of one of the areas of the blocks that agrees with a motion.
+  double agreement(const Eigen::Isometry3d& T_current_last, Packet Block::*area) const {
+    const Motion move(T_current_last);
+    Packet agree = Packet::constant(0), all = Packet::constant(0);
+    for (const Block& b : blocks_) {
+      const View seen = look(b, move);
+      // 0 where a depth that is known speaks against it.
+      const Packet excess = (b.depth - seen.z).abs() - b.depth_tolerance;
+      agree += b.*area * seen.nearness * (1 - is_positive(excess));
+      all += b.*area;
+    }
+    const double total = sum(all);
+    return total > 0 ? sum(agree) / total : 0;
+  }
+
+  // A printed carton close by may have more corners than the room behind it, and a wall far away
+  // hardly contradicts it. So where corners share the say of their part of the image, another
+  // motion may have clearly more support. That is the right one, if it has nearly as much of the
+  // plain support, too, and if it is not told by a few corners only.
+  std::optional<Eigen::Isometry3d> rival(const Eigen::Isometry3d& T, double support_of_T,
+                                         const Eigen::Isometry3d& guess) const {
+    double most = agreement(T, &Block::even_area);
+    if (most > kNoRivalFrom) return std::nullopt;
+    most = std::max(kRivalNeeds, most + kMoreEven);
+    RandomGenerator random(2);
+    const auto by_even_area = [&] {
+      const float drawn = static_cast<float>(random.uniform()) * even_areas_.back();
+      const auto at = std::upper_bound(even_areas_.begin(), even_areas_.end() - 1, drawn);
+      return static_cast<std::size_t>(at - even_areas_.begin());
+    };
+    std::optional<Eigen::Isometry3d> found;
+    for (int i = 0; i < kRivals; ++i) {
+      std::optional<Eigen::Isometry3d> of_three = from_three(by_even_area, guess);
+      if (!of_three || agreement(*of_three, &Block::even_area) < kPromising * most) continue;
+      if (improve(*of_three) < kNearlyAsMuch * support_of_T) continue;
+      const double even = agreement(*of_three, &Block::even_area);
+      if (even > most && agreeing(*of_three).count >= kMinFlows) found = of_three, most = even;
+    }
+    return found;
+  }
+
+  // The motion that three flows agree with: exact, by steps from the guess. `draw` gives one.
+  template <class Draw>
+  std::optional<Eigen::Isometry3d> from_three(const Draw& draw, Eigen::Isometry3d T) const {
     std::array<const Flow*, 3> three;
-    for (const Flow*& f : three) f = &flows_[random.below(voters_)];
+    for (const Flow*& f : three) f = &flows_[draw()];
     for (int i = 0; i < 3; ++i) {
       Normal normal;
       for (const Flow* f : three) add_to(normal, *f, T);
@@ -260,7 +287,8 @@ class FlowConsensus {
   float per_square_ = 1;    // 1 over the square of the greatest error, pixels
   std::size_t voters_ = 0;  // flows with an area
   std::vector<Flow> flows_;
-  std::vector<Block> blocks_;  // the same, four in a packet
+  std::vector<Block> blocks_;      // the same, four in a packet
+  std::vector<float> even_areas_;  // of each voter and all before it
 };
 
 }  // namespace stillpoint::detail

@@ -130,8 +130,10 @@ class MotionCheck {
   static constexpr double kReadoutError = 3;
   static constexpr float kOutlierReachM = 0.1f, kOutlierStepM = 0.1f;
   // The camera's motion is sure enough to doubt corners if so much agrees with it; less will do
-  // where the depth images, too, say that something large has moved.
-  static constexpr double kSureSupport = 0.6, kSupportAmongMovers = 0.45, kFitAmongMovers = 0.85;
+  // where the depth images, too, say that something large has moved, and in the first moment of a
+  // sequence, when nothing else finds movers.
+  static constexpr double kSureSupport = 0.6, kSupportAtStart = 0.55;
+  static constexpr double kSupportAmongMovers = 0.45, kFitAmongMovers = 0.85;
   // A cluster of outlier corners must show twice, but for the first moment of a sequence, which has
   // no past to compare with, and before a camera that does not rotate, whose corners are followed
   // well. Where the camera's motion was lost there is no past either, but it is lost as the camera
@@ -154,14 +156,14 @@ class MotionCheck {
     std::swap(outliers_, last_outliers_);
     outliers_.clear();
     const bool movers = pose_.fit() && *pose_.fit() < kFitAmongMovers;
-    if (!ego.measured() ||
-        !(ego.measured()->support > (movers ? kSupportAmongMovers : kSureSupport)))
-      return;
+    const bool starts = pose_.shot().timestamp - start_s_ < kStartS;
+    const double least = movers ? kSupportAmongMovers : starts ? kSupportAtStart : kSureSupport;
+    if (!ego.measured() || !(ego.measured()->support > least)) return;
     const float per_cell = 1.0f / static_cast<float>(cells_.block_px);
     const Eigen::Isometry3d& seen = ego.measured()->T_current_last;
     const double rad_s = ego.angular_velocity().norm();
     const double smeared_share = kReadoutError * sensor_.readout_s * rad_s;
-    const bool once_is_enough = rad_s < kStillRadS || pose_.shot().timestamp - start_s_ < kStartS;
+    const bool once_is_enough = rad_s < kStillRadS || starts;
     for (const OutlierCorner& corner : ego.images().outlier_clusters(
              context.depth, seen, ego.trusted_prediction(), smeared_share)) {
       const int cx = static_cast<int>(corner.u * per_cell);
