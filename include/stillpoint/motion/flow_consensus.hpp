@@ -179,9 +179,9 @@ class FlowConsensus {
   }
 
   // A printed carton close by may have more corners than the room behind it, and a wall far away
-  // hardly contradicts it. So where corners share the say of their part of the image, another
-  // motion may have clearly more support. That is the right one, if it has nearly as much of the
-  // plain support, too, and if it is not told by a few corners only.
+  // hardly contradicts it. So another motion is taken that has clearly more support where corners
+  // share the say of their part of the image, if it has nearly as much plain support. A few corners
+  // far away would have much say then, and fit any motion: at least kMinFlows must agree.
   std::optional<Eigen::Isometry3d> rival(const Eigen::Isometry3d& T, double support_of_T,
                                          const Eigen::Isometry3d& guess) const {
     double most = agreement(T, &Block::even_area);
