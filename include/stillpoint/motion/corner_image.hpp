@@ -40,8 +40,6 @@ class CornerImage {
  public:
   /// What is nearer to the camera is not seen.
   static constexpr float kLeastDepthM = 0.2f;
-  /// How far the patch on the fine and that on the coarse image reach, fine pixels.
-  static constexpr int kNear = Patch::kRadius, kFar = 2 * Patch::kRadius;
 
   /// Pixels of the frame per fine one.
   int scale = 2;
@@ -131,9 +129,9 @@ class CornerImage {
                  : static_cast<float>(sum) / static_cast<float>(n) * view.metres_per_unit_value();
   }
 
-  /// Whether the depth around a pixel, `depth_m` there, goes on evenly up to kFar fine pixels away:
-  /// on a surface of any slant it falls on one side by as much as it rises on the other. What is
-  /// not measured is taken to be as deep as the pixel.
+  /// Whether the depth around a pixel, `depth_m` there, goes on evenly as far as the coarse patch
+  /// reaches: on a surface of any slant it falls on one side by as much as it rises on the other.
+  /// What is not measured is taken to be as deep as the pixel.
   bool is_even(const DepthView& view, const cv::Point& p, float depth_m) const {
     const int reach = kFar * scale, step = 2 * scale;
     const cv::Rect patch(p.x - reach, p.y - reach, 2 * reach + 1, 2 * reach + 1);
@@ -150,6 +148,8 @@ class CornerImage {
   }
 
  private:
+  // How far the patch on the fine and that on the coarse image reach, fine pixels.
+  static constexpr int kNear = Patch::kRadius, kFar = 2 * Patch::kRadius;
   static constexpr int kBlock = 5;                 // coarse pixels; one corner each
   static constexpr int kRim = Patch::kRadius + 2;  // coarse pixels; no corner there
   static constexpr float kMinScore = 2e-4f;

@@ -82,7 +82,7 @@ class RotationAlignment {
         const Packet x = (static_cast<float>(u) - cx + four(kFirst)) / fx;
         const Packet gx = 0.5f * fx * (four(before + u + 1) - four(before + u - 1));
         const Packet gy = 0.5f * fy * (four(below + u) - four(above + u));
-        const Packet seen = (four(now + u) * kHuge + 1).max(0.0f).min(1.0f);  // 0: out of view
+        const Packet seen = 1 - is_positive(-four(now + u));  // what is out of view is -1
         const Packet error = four(now + u) - four(before + u) - brighter;
         const Packet likely = 1 / (1 + error * error * (1 / (unlike * unlike)));
         // The unknowns: a rotation about x, y and z, and a change of brightness.
