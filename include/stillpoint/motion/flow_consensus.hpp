@@ -77,8 +77,8 @@ class FlowConsensus {
   }
 
   /// Turns the guess T into the motion with the most support, and returns that: steps from the
-  /// guess and from `another` and, unless one of these has `enough`, from three flows at a time,
-  /// and a look at its rival.
+  /// guess and from `another` and, unless one of these has `enough`, from three flows at a time;
+  /// then a rival may take its place.
   double search(Eigen::Isometry3d& T, Eigen::Isometry3d another, double enough) const {
     if (voters_ < kMinFlows) return 0;
     const Eigen::Isometry3d guess = T;
@@ -87,9 +87,9 @@ class FlowConsensus {
     if (from_another > best) T = another, best = from_another;
     const bool look_further = !(best > enough);
     RandomGenerator random(1);
+    const auto any = [&] { return random.below(voters_); };
     // The more agree, the sooner three that are all of the world have been drawn.
     for (int i = 0; look_further && i < kHypotheses && i * best * best * best < 40; ++i) {
-      const auto any = [&] { return random.below(voters_); };
       std::optional<Eigen::Isometry3d> of_three = from_three(any, guess);
       if (!of_three || support(*of_three) < kPromising * best) continue;
       const double improved = improve(*of_three);
@@ -105,8 +105,8 @@ class FlowConsensus {
   static constexpr float kBlurredTolerance = 2.5f;  // times kMaxError
   static constexpr double kTinyStep = 1e-5;
   static constexpr double kPromising = 0.5;
-  // See rival(): how many are tried; a motion with more even support has none; how much a rival
-  // needs, how much more than the motion, and how much of its support.
+  // Of rival(): draws; the even support from which a motion has no rival, the even support that a
+  // rival needs, by how much it must exceed the motion's, and how much of its support it needs.
   static constexpr int kRivals = 20;
   static constexpr double kNoRivalFrom = 0.75, kRivalNeeds = 0.6, kMoreEven = 0.06;
   static constexpr double kNearlyAsMuch = 0.85;
