@@ -203,8 +203,9 @@ class CameraMotion {
 
   void follow_all(const DepthView& depth, const Eigen::Isometry3d& guess) {
     consensus_.begin(current_);
-    voters_.assign(part({last_.fine.cols, last_.fine.rows}) + 1, 0);
-    for (const detail::Corner& c : last_.corners) voters_[part({c.x, c.y})] += c.dynamic ? 0 : 1;
+    corners_in_part_.assign(part({last_.fine.cols, last_.fine.rows}) + 1, 0);
+    for (const detail::Corner& c : last_.corners)
+      corners_in_part_[part({c.x, c.y})] += c.dynamic ? 0 : 1;
     for (const detail::Corner& c : last_.corners) follow(c, depth, guess);
   }
 
@@ -233,7 +234,7 @@ class CameraMotion {
     const Eigen::Vector2f flat = current_.project(lens.ray(f.u, f.v).homogeneous());
     f.flat_u = flat.x(), f.flat_v = flat.y();
     f.area = c.dynamic ? 0 : std::min(c.depth_m, 4.0f) * std::min(c.depth_m, 4.0f);
-    f.even_area = c.dynamic ? 0 : f.area / voters_[part({c.x, c.y})];
+    f.even_area = c.dynamic ? 0 : f.area / corners_in_part_[part({c.x, c.y})];
     const cv::Point pixel = f.nearest_pixel();
     f.depth_m = current_.whole_depth(depth, pixel.x, pixel.y);
     // Of two measurements, the corner's in the last frame and this one.
@@ -255,7 +256,7 @@ class CameraMotion {
   // Of the last frame; from the frame before, and of the last motion, seconds.
   double last_s_ = 0, step_s_ = 0, motion_step_s_ = 1;
   double usual_support_ = 1;
-  std::vector<float> voters_;  // corners with a say in each part of the image
+  std::vector<float> corners_in_part_;  // with a say, by part of the image
   detail::RotationAlignment alignment_;
   detail::FlowConsensus consensus_, other_consensus_;
   detail::OutlierClusters outliers_;

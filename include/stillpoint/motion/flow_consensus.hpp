@@ -28,7 +28,6 @@ class FlowConsensus {
 
   /// Forgets the flows; more come that are seen in `now`.
   void begin(const CornerImage& now) {
-    voters_ = 0;
     flows_.clear();
     blocks_.clear();
     even_areas_.clear();
@@ -39,7 +38,6 @@ class FlowConsensus {
 
   /// Those without a say come last.
   void add(const Flow& f) {
-    voters_ += f.area > 0;
     if (f.area > 0)
       even_areas_.push_back(f.even_area + (even_areas_.empty() ? 0 : even_areas_.back()));
     const std::size_t k = flows_.size() % 4;
@@ -68,7 +66,7 @@ class FlowConsensus {
   /// Steps from a motion that is nearly right to the one nearby with the most support, and returns
   /// that.
   double refine(Eigen::Isometry3d& T) {
-    if (voters_ < kMinFlows) return 0;
+    if (voters() < kMinFlows) return 0;
     const float tolerance = tolerance_;
     tolerate(kBlurredTolerance);
     improve(T, 3);
@@ -80,14 +78,14 @@ class FlowConsensus {
   /// guess and from `another` and, unless one of these has `enough`, from three flows at a time;
   /// then a rival may take its place.
   double search(Eigen::Isometry3d& T, Eigen::Isometry3d another, double enough) const {
-    if (voters_ < kMinFlows) return 0;
+    if (voters() < kMinFlows) return 0;
     const Eigen::Isometry3d guess = T;
     double best = improve(T);
     const double from_another = improve(another);
     if (from_another > best) T = another, best = from_another;
     const bool look_further = !(best > enough);
     RandomGenerator random(1);
-    const auto any = [&] { return random.below(voters_); };
+    const auto any = [&] { return random.below(voters()); };
     // The more agree, the sooner three that are all of the world have been drawn.
     for (int i = 0; look_further && i < kHypotheses && i * best * best * best < 40; ++i) {
       std::optional<Eigen::Isometry3d> of_three = from_three(any, guess);
@@ -162,6 +160,9 @@ class FlowConsensus {
     s.nearness = (1 - (s.eu * s.eu + s.ev * s.ev) * per_square_).max(0.0f);
     return s;
   }
+
+  // Flows with a say.
+  std::size_t voters() const { return even_areas_.size(); }
 
   // Share of one of the areas of the blocks that agrees with a motion.
   double agreement(const Eigen::Isometry3d& T_current_last, Packet Block::*area) const {
@@ -283,12 +284,11 @@ class FlowConsensus {
 
   // Of the image where the flows are seen.
   float fx_ = 1, fy_ = 1, cx_ = 0, cy_ = 0, scale_ = 1;
-  float tolerance_ = 1;     // times kMaxError
-  float per_square_ = 1;    // 1 over the square of the greatest error, pixels
-  std::size_t voters_ = 0;  // flows with an area
+  float tolerance_ = 1;   // times kMaxError
+  float per_square_ = 1;  // 1 over the square of the greatest error, pixels
   std::vector<Flow> flows_;
   std::vector<Block> blocks_;      // the same, four in a packet
-  std::vector<float> even_areas_;  // of each voter and all before it
+  std::vector<float> even_areas_;  // of each flow with a say and all before it
 };
 
 }  // namespace stillpoint::detail
