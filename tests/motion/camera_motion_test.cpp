@@ -339,10 +339,10 @@ TEST(CornerImage, TellsASlantFromAnEdge) {
   EXPECT_FALSE(is_even([](int dx) { return dx < 2 ? 1.2 : dx < 7 ? 0 : 1.6; })) << "its shadow";
 }
 
-// A turn of the camera moves the image by 14 pixels, and a board by one: in an image as sharp as
+// A turn of the camera moves the image by 14 pixels, and a board by 1.2: in an image as sharp as
 // this one corners are followed well enough to tell.
-TEST(CameraMotion, FindsInASharpTurnWhatMovesByAFourteenthOfIt) {
-  for (const double moved_m : {0.0046, -0.0046}) {
+TEST(CameraMotion, FindsInASharpTurnWhatMovesByATwelfthOfIt) {
+  for (const double moved_m : {0.0056, -0.0056}) {
     const Eigen::Isometry3d second = pose(0, 0, 3);
     CameraMotion motion;
     add(motion, render(0, pose(0, 0, 0), 0.0), Eigen::Isometry3d::Identity());
@@ -351,6 +351,24 @@ TEST(CameraMotion, FindsInASharpTurnWhatMovesByAFourteenthOfIt) {
     const std::vector<OutlierCorner> of_board = outliers(motion, frame, second.inverse());
     EXPECT_GT(of_board.size(), 10u) << moved_m;
     for (const OutlierCorner& corner : of_board) EXPECT_LT(corner.depth_m, 1.5);
+  }
+}
+
+// A motion that is off by a displacement and the rotation that makes up for it on the wall shows
+// the wall where it is, and a board close by a pixel beside its place, which is less than 5 mm.
+TEST(CameraMotion, DoesNotTakeItsOwnErrorForAMoverCloseBy) {
+  for (const double off_m : {0.007, -0.007}) {
+    CameraMotion motion;
+    add(motion, render(0, pose(0, 0, 0), 0.0), Eigen::Isometry3d::Identity());
+    const Eigen::Isometry3d truth = pose(0.01, 0, 0.5).inverse();
+    const RgbdFrame frame = render(0.03, truth.inverse(), 0.0);
+    add(motion, frame, truth);
+    const double wall_m = 3.2, turn_deg = -off_m / wall_m * 180 / 3.14159265358979;
+    const Eigen::Isometry3d off = pose(off_m, 0, turn_deg) * truth;
+    const double board_m = 1.2, error_m = std::abs(off_m) * (1 - board_m / wall_m);
+    ASSERT_GT(error_m / board_m * small_camera().fx, 0.65) << "pixels from which on it shows";
+    EXPECT_TRUE(outliers(motion, frame, off).empty()) << off_m;
+    EXPECT_TRUE(outliers(motion, frame, truth).empty());
   }
 }
 

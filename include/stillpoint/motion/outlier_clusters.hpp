@@ -32,9 +32,10 @@ class OutlierClusters {
  public:
   /// The corners in clusters that move otherwise than a motion says, and than another one if there
   /// is one: off by over 1.3 pixels (of 640 in a row), four times the median by area, and, of their
-  /// own displacement, `smeared_share` (shutter) and four times the median share, at most 0.12;
-  /// with at least four others within 0.3 m that move alike, and more than do not. None lies at an
-  /// edge of `depth`, that of the frame they were followed into. O(corners squared).
+  /// own displacement, `smeared_share` (shutter) and four times the median share, at most 0.12; and
+  /// by 5 mm in space, which counts within 2 m. With at least four others within 0.3 m that move
+  /// alike, and more than do not. None lies at an edge of `depth`, that of the frame they were
+  /// followed into. O(corners squared).
   const std::vector<OutlierCorner>& find(const std::vector<Flow>& flows, const CornerImage& now,
                                          const DepthView& depth,
                                          const Eigen::Isometry3d& T_current_last,
@@ -55,8 +56,10 @@ class OutlierClusters {
     for (std::size_t i = 0; i < flows.size(); ++i) {
       const Flow& f = flows[i];
       const float size = sizes_[i];
-      if (size < std::max(limit, per_px * length_px(f, now)) ||
-          (another && size_of(f, other_errors_[i]) < limit_another) || !is_smooth(f, now, depth))
+      const float not_noise =
+          std::max({limit, per_px * length_px(f, now), kLeastOutlierM * now.fx / f.depth_m});
+      if (size < not_noise || (another && size_of(f, other_errors_[i]) < limit_another) ||
+          !is_smooth(f, now, depth))
         continue;
       int with = 0, against = 0;
       for (std::size_t j = 0; j < flows.size(); ++j) {
@@ -72,7 +75,10 @@ class OutlierClusters {
   }
 
  private:
-  static constexpr float kLeastOutlier = 0.65f;  // fine pixels
+  static constexpr float kLeastOutlierPx = 0.65f;  // fine pixels
+  // The camera's motion is off by millimetres: before a wall far away a small displacement looks
+  // like a rotation. That shows in what is close by.
+  static constexpr float kLeastOutlierM = 0.005f;
   static constexpr float kClusterM = 0.3f;
   static constexpr int kFewestWith = 4;
   static constexpr float kTimesMedian = 4;
@@ -88,7 +94,7 @@ class OutlierClusters {
     errors.clear();
     for (const Flow& f : flows) errors.push_back(error_px(f, now, R * f.from + t));
     const float median = median_by_area(flows, [&](std::size_t i) { return errors[i].norm(); });
-    return std::max(kLeastOutlier * static_cast<float>(now.scale), kTimesMedian * median);
+    return std::max(kLeastOutlierPx * static_cast<float>(now.scale), kTimesMedian * median);
   }
 
   // The median by area of a value of each flow: people close by may have most of the corners.
