@@ -134,11 +134,13 @@ class MotionCheck {
   // sequence, when nothing else finds movers.
   static constexpr double kSureSupport = 0.6, kSupportAtStart = 0.55;
   static constexpr double kSupportAmongMovers = 0.45, kFitAmongMovers = 0.85;
-  // A cluster of outlier corners must show twice, but for the first moment of a sequence, which has
-  // no past to compare with, and before a camera that does not rotate, whose corners are followed
-  // well. Where the camera's motion was lost there is no past either, but it is lost as the camera
-  // rotates fast before few corners: then clusters are often wrong.
+  // A cluster of outlier corners must show twice, but for one that is off by so much in the first
+  // moment of a sequence, which has no past to compare with, or before a camera that does not
+  // rotate, whose corners are followed well. Where the camera's motion was lost there is no past
+  // either, but it is lost as the camera rotates fast before few corners: then clusters are often
+  // wrong.
   static constexpr double kStartS = 0.7, kStillRadS = 0.1;
+  static constexpr float kOnceOffM = 0.01f;
   static constexpr float kSameClusterM = 0.5f;  // from one frame to the next
 
   void forget_map() {
@@ -171,7 +173,7 @@ class MotionCheck {
       const std::size_t cell =
           cells_.index(std::min(cx, cells_.width - 1), std::min(cy, cells_.height - 1));
       const bool twice = seen_twice(cell, corner.depth_m, seen);
-      if (!twice && !once_is_enough) continue;
+      if (!twice && !(once_is_enough && corner.off_m > kOnceOffM)) continue;
       outlier_cells_.push_back(cell);
       const int reach = static_cast<int>(kOutlierReachM * cells_.fx / corner.depth_m);
       for (int y = std::max(0, cy - reach); y <= std::min(cells_.height - 1, cy + reach); ++y)

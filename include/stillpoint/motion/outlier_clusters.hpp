@@ -21,8 +21,8 @@ namespace stillpoint {
 
 /// A corner that moves otherwise than the camera says, with others around it that do so too.
 struct OutlierCorner {
-  /// Where it is in the new frame, raw pixels; its depth, metres.
-  float u, v, depth_m;
+  /// Where it is in the new frame, raw pixels; its depth, and how far off it is in space, metres.
+  float u, v, depth_m, off_m;
 };
 
 namespace detail {
@@ -69,7 +69,8 @@ class OutlierClusters {
         else if (sizes_[j] >= limit && !same_patch(f, flows[j]))
           ++with;
       }
-      if (with >= kFewestWith && with > against) outliers_.push_back({f.u, f.v, f.depth_m});
+      if (with >= kFewestWith && with > against)
+        outliers_.push_back({f.u, f.v, f.depth_m, size * f.depth_m / now.fx});
     }
     return outliers_;
   }
