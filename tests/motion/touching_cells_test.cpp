@@ -58,6 +58,19 @@ TEST_F(Touching, IsNotATableOnWhichAHandMoves) {
   EXPECT_FALSE(touches(39, 27));
 }
 
+// Between an arm that comes from below and the upper end of the image, the table goes on evenly
+// across and along diagonals only.
+TEST_F(Touching, IsNotTheTableBeyondAHand) {
+  look([](float, float y) { return 1 / (1.5f + 0.3f * y); });
+  for (int y = 30; y < 60; ++y)
+    for (int x = 36; x < 42; ++x) {
+      cells_.depth_m[cells_.index(x, y)] -= 0.03f;
+      move(x, y);
+    }
+  for (const int x : {36, 39, 41})
+    for (const int y : {5, 20, 29}) EXPECT_FALSE(touches(x, y)) << x << " " << y;
+}
+
 TEST_F(Touching, IsWhatStandsOnTheFloor) {
   // The floor, 0.6 m below the camera, and somebody who stands on it 2 m away.
   look([](float x, float y) {

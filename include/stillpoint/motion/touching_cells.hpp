@@ -66,7 +66,7 @@ class TouchingCells {
   }
 
   // What continues a plane does not touch what is dynamic: a table, a wall. Along the image's rows
-  // as well as its columns, as people are straight, too, from foot to head. From each corner of the
+  // as well as across them, as people are straight, too, from foot to head. From each corner of the
   // image once, so that it goes on from cell to cell.
   void release_planes(const DepthCells& cells, const std::vector<std::uint8_t>& dynamic) {
     cv::Rect box;  // of all that touches
@@ -84,8 +84,10 @@ class TouchingCells {
   }
 
   bool continues_planes(const DepthCells& cells, int x, int y) const {
-    return (continues_plane(cells, x, y, -1, 0) || continues_plane(cells, x, y, 1, 0)) &&
-           (continues_plane(cells, x, y, 0, -1) || continues_plane(cells, x, y, 0, 1));
+    const auto along = [&](int dx, int dy) {
+      return continues_plane(cells, x, y, -dx, -dy) || continues_plane(cells, x, y, dx, dy);
+    };
+    return along(1, 0) && (along(0, 1) || along(1, 1) || along(1, -1));
   }
 
   // Whether a cell lies in one plane with the next two in a direction, which do not touch what is
