@@ -392,13 +392,13 @@ TEST(SegmentationCompensator, CarriesWhatWasSeenOnceOnForLessWhereTheCameraRotat
 }
 
 TEST(SegmentationCompensator, CarriesOnWhatWalksAway) {
-  // How many of 60 frames it is restored in, after it was seen in three.
+  // How many of 150 frames it is restored in, after it was seen in three.
   const auto restored = [](double speed_m_s, bool camera_known) {
     Show show;
     std::optional<Eigen::Isometry3d> stands;
     if (camera_known) stands = Eigen::Isometry3d::Identity();
     int n = 0;
-    for (int i = 0; i < 63; ++i) {
+    for (int i = 0; i < 153; ++i) {
       const double t = i / 30.0, z = 1.5 + speed_m_s * t;
       const int width = static_cast<int>(90 / z), height = static_cast<int>(240 / z);
       const Figure figure{
@@ -411,7 +411,8 @@ TEST(SegmentationCompensator, CarriesOnWhatWalksAway) {
     }
     return n;
   };
-  EXPECT_EQ(restored(0.5, true), 60);
+  EXPECT_GE(restored(0.5, true), 60);
+  EXPECT_LT(restored(0.5, true), 90) << "a mask that slides along a wall recedes, too";
   EXPECT_LT(restored(0, true), 30);
   EXPECT_LT(restored(0.5, false), 30) << "the camera may have gone";
 }

@@ -34,12 +34,15 @@ class MemoryLimits {
   }
 
   /// Takes note of whether the frame shows the object. Who walks straight away from the camera, or
-  /// towards it, counts as seen: the motion check, which compares places, may not find him.
+  /// towards it, counts as seen for a while: the motion check, which compares places, may not find
+  /// him. A mask that slides along a wall changes its depth, too.
   static void note_sight(double now_s, bool seen, RememberedObject& object) {
     if (seen) {
       object.seen_for_s += std::min(now_s - object.seen_s, kGapS);
       ++object.times_seen;
-    } else if (!(std::abs(object.depth_motion_m()) > kSurelyMovedM)) {
+      object.shown_s = now_s;
+    } else if (now_s - object.shown_s > kWalkS ||
+               !(std::abs(object.depth_motion_m()) > kSurelyMovedM)) {
       return;
     }
     object.seen_s = now_s;
@@ -67,6 +70,7 @@ class MemoryLimits {
 
  private:
   static constexpr float kSurelyMovedM = 0.15f;
+  static constexpr double kWalkS = 2;
   static constexpr double kGapS = 0.1;  // between two frames that count as seen in a row
   static constexpr double kTrustPerSecond = 3;
   // A blink of the motion check.

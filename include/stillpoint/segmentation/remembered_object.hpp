@@ -37,8 +37,9 @@ class RememberedObject {
   int id = 0;
   std::string class_name;
   float score = 1;
-  /// Timestamp of the last frame in which the segmenter showed it.
-  double seen_s = 0;
+  /// Timestamp of the last frame in which the segmenter showed it, and of the last one in which it
+  /// counted as seen.
+  double shown_s = 0, seen_s = 0;
   /// How long it would be carried along had that frame alone shown it, seconds; for an object
   /// without a class.
   double once_s = 0;

@@ -107,7 +107,7 @@ class SegmentationCompensator {
       if (pairs_.object_of(i) >= 0) continue;
       pairs_.set(objects_.size(), i);
       RememberedObject& object = objects_.emplace_back();
-      object.id = next_id_++, object.seen_s = context.frame.timestamp;
+      object.id = next_id_++, object.shown_s = object.seen_s = context.frame.timestamp;
     }
     ids_.resize(n);
     for (std::size_t i = 0; i < n; ++i) {
