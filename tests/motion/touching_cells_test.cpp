@@ -27,6 +27,14 @@ class Touching : public testing::Test {
     dynamic_.assign(cells_.size(), 0);
   }
   void move(int x, int y) { dynamic_[cells_.index(x, y)] = 1; }
+  // It moves 3 cm before what is there, in these rows.
+  void put_hand_down(int first_row, int end_row) {
+    for (int y = first_row; y < end_row; ++y)
+      for (int x = 36; x < 42; ++x) {
+        cells_.depth_m[cells_.index(x, y)] -= 0.03f;
+        move(x, y);
+      }
+  }
   bool touches(int x, int y) {
     return TouchingCells().find(cells_, dynamic_)[cells_.index(x, y)] != 0;
   }
@@ -49,11 +57,7 @@ TEST_F(Touching, IsThePersonAndNotTheWallBehind) {
 TEST_F(Touching, IsNotATableOnWhichAHandMoves) {
   // The camera looks down on it at a slant.
   look([](float, float y) { return 1 / (0.9f + 0.8f * y); });
-  for (int y = 30; y < 40; ++y)
-    for (int x = 36; x < 42; ++x) {
-      cells_.depth_m[cells_.index(x, y)] -= 0.03f;
-      move(x, y);
-    }
+  put_hand_down(30, 40);
   for (const int x : {10, 30, 34, 44, 60}) EXPECT_FALSE(touches(x, 35)) << x;
   EXPECT_FALSE(touches(39, 27));
 }
@@ -62,11 +66,7 @@ TEST_F(Touching, IsNotATableOnWhichAHandMoves) {
 // across and along diagonals only.
 TEST_F(Touching, IsNotTheTableBeyondAHand) {
   look([](float, float y) { return 1 / (1.5f + 0.3f * y); });
-  for (int y = 30; y < 60; ++y)
-    for (int x = 36; x < 42; ++x) {
-      cells_.depth_m[cells_.index(x, y)] -= 0.03f;
-      move(x, y);
-    }
+  put_hand_down(30, 60);
   for (const int x : {36, 39, 41})
     for (const int y : {5, 20, 29}) EXPECT_FALSE(touches(x, y)) << x << " " << y;
 }
