@@ -85,16 +85,21 @@ inline Eigen::Isometry3d path_at(double t) {
 // The same; step = 1/30 s.
 inline Eigen::Isometry3d path(int step) { return path_at(step / 30.0); }
 
-// What the camera sees at path(2 step), behind what moves as one and fills two fifths of the
-// image.
+// The left part of the image shows what another camera sees: what moves as one.
+inline void cover_left(stillpoint::RgbdFrame& frame, double share,
+                       const Eigen::Isometry3d& T_world_camera) {
+  const stillpoint::RgbdFrame mover = render(T_world_camera, frame.timestamp);
+  const cv::Rect left(0, 0, static_cast<int>(frame.color.cols * share), frame.color.rows);
+  mover.color(left).copyTo(frame.color(left));
+  mover.depth(left).copyTo(frame.depth(left));
+}
+
+// What the camera sees at path(2 step), behind what moves and fills two fifths of the image.
 inline stillpoint::RgbdFrame render_with_mover(int step) {
   Eigen::Isometry3d T = path(2 * step);
   stillpoint::RgbdFrame frame = render(T, step / 15.0);
   T.pretranslate(Eigen::Vector3d(0.03, 0, 0.01) * step);
-  const stillpoint::RgbdFrame mover = render(T, step / 15.0);
-  const cv::Rect left(0, 0, frame.color.cols * 2 / 5, frame.color.rows);
-  mover.color(left).copyTo(frame.color(left));
-  mover.depth(left).copyTo(frame.depth(left));
+  cover_left(frame, 0.4, T);
   return frame;
 }
 

@@ -21,8 +21,8 @@ namespace stillpoint::rgbd_slam {
 /// The predicted pose projects the local map into the frame; matches near the projections give the
 /// pose; then the local map is gathered anew around them, matched closely, and the pose refined; a
 /// pose that too few of the matches agree on is contested. If that fails, wider, then anywhere in
-/// the map. A frame that finds too few is lost, and so is one whose few matches tell of a leap; the
-/// next one is then looked for from the last good one. The caller holds the map's lock.
+/// the map; so, too, where few matches tell of a leap. A frame that finds too few is lost; after a
+/// leap the next one is looked for from the last good one. The caller holds the map's lock.
 class MapTracking {
  public:
   struct Settings {
@@ -70,19 +70,14 @@ class MapTracking {
     if (map.keyframe_count() == 0) {
       ok = start(map);
     } else {
-      Eigen::Isometry3d predicted = Eigen::Isometry3d::Identity();
       if (tracking_) {
-        predicted = history_.motion_until(current_.frame.timestamp) * history_.last_pose(map);
-        ok = follow(map, last_seen, predicted);
+        const Eigen::Isometry3d predicted =
+            history_.motion_until(current_.frame.timestamp) * history_.last_pose(map);
+        ok = follow(map, last_seen, predicted) && follow_local_map(map);
+        leaps = ok && is_leap_from(predicted);
       }
-      if (!ok) {
-        stats_.inliers = relocalize(model_, map, index, settings_.min_relocalized, current_);
-        ok = stats_.recovered = stats_.inliers > 0;
-        if (ok) local_ = gather_local_map(map, current_.points, settings_.max_local_keyframes);
-      }
-      if (ok) ok = follow_local_map(map);
-      leaps = ok && is_leap_from(predicted);
-      ok = ok && !leaps;
+      if (!ok || leaps)
+        ok = find_anywhere(map, index, leaps ? kSureInliers : settings_.min_relocalized);
       if (ok && keyframe_due(map, mapper_busy)) insert_keyframe(map);
     }
     if (ok) {
@@ -91,7 +86,6 @@ class MapTracking {
       lost_since_s_.reset();
       tracked_s_ = now_s_;
     } else {
-      stats_.recovered = false;
       if (!leaps) history_.forget_motion();
       if (!lost_since_s_) lost_since_s_ = now_s_;
       stats_.restart_due = passed(*lost_since_s_, settings_.restart_after_s) &&
@@ -106,7 +100,7 @@ class MapTracking {
   const Stats& stats() const { return stats_; }
   /// The newest keyframe: the last frame's if stats().keyframe.
   KeyframeId newest_keyframe() const { return newest_keyframe_; }
-  const PoseHistory& history() const { return history_; }
+  PoseHistory& history() { return history_; }
 
  private:
   // With so many the camera is sure to be where it was predicted.
@@ -143,6 +137,12 @@ class MapTracking {
     return stats_.inliers >= settings_.min_inliers / 2;
   }
 
+  bool find_anywhere(Map& map, const PlaceIndex& index, int min_inliers) {
+    const int inliers = relocalize(model_, map, index, min_inliers, current_);
+    stats_.recovered = inliers > 0 && follow_local_map(map) && stats_.inliers >= min_inliers;
+    return stats_.recovered;
+  }
+
   // Fills stats_.matches and stats_.inliers.
   void match_from(const Map& map, const std::vector<PointId>& candidates,
                   const Eigen::Isometry3d& T, double radius_px) {
@@ -177,7 +177,7 @@ class MapTracking {
     for (const PointId id : in_view) ++map.point(id)->visible;
     for (const PointId id : current_.points)
       if (id) ++map.point(id)->found;
-    return stats_.inliers >= (stats_.recovered ? settings_.min_relocalized : settings_.min_inliers);
+    return stats_.inliers >= settings_.min_inliers;
   }
 
   // Aligned matches of the static world fit within a fraction of a pixel. Where many do not, the
@@ -202,10 +202,11 @@ class MapTracking {
     current_ = std::move(other);
   }
 
-  // Where people fill the image, the best of the wrong poses may have just enough matches.
+  // Where people fill the image, the best of the wrong poses may have just enough matches; or the
+  // prediction is wrong, as the last pose was such a one.
   bool is_leap_from(const Eigen::Isometry3d& predicted) const {
     const Eigen::Isometry3d T_predicted_now = predicted * current_.T_camera_world.inverse();
-    return !stats_.recovered && stats_.inliers < kSureInliers &&
+    return stats_.inliers < kSureInliers &&
            T_predicted_now.translation().norm() > kMostSpeedChangeM_s * (now_s_ - tracked_s_);
   }
 

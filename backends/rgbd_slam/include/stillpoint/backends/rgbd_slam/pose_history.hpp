@@ -3,6 +3,7 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <cstddef>
 #include <optional>
 #include <utility>
 #include <vector>
@@ -28,6 +29,23 @@ class PoseHistory {
     }
     records_.push_back({timestamp, reference, T_camera_world * map.pose_of(reference).inverse()});
     as_tracked_.push_back({timestamp, T_camera_world.inverse()});
+  }
+
+  /// The frames in the order in which they were tracked; find() gives the newest of a time. O(1);
+  /// find() is O(frames).
+  std::size_t size() const { return records_.size(); }
+  double timestamp(std::size_t i) const { return records_[i].timestamp; }
+  Eigen::Isometry3d pose(const Map& map, std::size_t i) const { return records_[i].pose(map); }
+  std::optional<std::size_t> find(double timestamp) const {
+    for (std::size_t i = size(); i-- > 0;)
+      if (records_[i].timestamp == timestamp) return i;
+    return std::nullopt;
+  }
+  /// Gives a frame another pose, which is kept relative to `reference`.
+  void attach(const Map& map, std::size_t i, KeyframeId reference,
+              const Eigen::Isometry3d& T_camera_world) {
+    records_[i].reference = reference;
+    records_[i].T_camera_reference = T_camera_world * map.pose_of(reference).inverse();
   }
 
   /// T_next_last, if the last two frames were tracked.

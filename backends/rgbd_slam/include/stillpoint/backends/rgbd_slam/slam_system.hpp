@@ -22,6 +22,7 @@
 #include "stillpoint/backends/rgbd_slam/map.hpp"
 #include "stillpoint/backends/rgbd_slam/map_tracking.hpp"
 #include "stillpoint/backends/rgbd_slam/place_index.hpp"
+#include "stillpoint/backends/rgbd_slam/start_review.hpp"
 #include "stillpoint/backends/rgbd_slam/tracker_input.hpp"
 #include "stillpoint/tracking/tracker.hpp"
 
@@ -108,6 +109,7 @@ class SlamSystem final : public Tracker {
     std::optional<Eigen::Isometry3d> pose;
     {
       const std::lock_guard<FairMutex> guard(map_mutex_);
+      if (settings_.revise_poses) review_.keep(keypoints, gray_);
       if (tracking_->track(map_, index_, std::move(keypoints), pyramid_, busy))
         pose = tracking_->current().T_camera_world.inverse();
       if (stats().keyframe) waiting_.push_back(tracking_->newest_keyframe());
@@ -146,6 +148,7 @@ class SlamSystem final : public Tracker {
     wait_for_background();
     build_map();
     if (!settings_.revise_poses) return;
+    review_.run(model_, map_, map_mutex_, tracking_->history());
     if (adjusted_to_ != map_.keyframe_end())
       adjust_keyframes(map_, map_mutex_, model_, {}, settings_.final_iterations);
     adjusted_to_ = map_.keyframe_end();
@@ -184,6 +187,7 @@ class SlamSystem final : public Tracker {
       }
       mapping_->process(map_, map_mutex_, index_, id, hurry_);
       loops_->process(map_, map_mutex_, index_, id, hurry_);
+      review_.run(model_, map_, map_mutex_, tracking_->history());
     }
   }
 
@@ -204,6 +208,7 @@ class SlamSystem final : public Tracker {
     map_ = Map();
     index_ = PlaceIndex();
     adjusted_to_ = 0;
+    review_ = StartReview();
     tracking_ = std::make_unique<MapTracking>(model_, settings_.tracking);
     mapping_ = std::make_unique<LocalMapping>(model_, settings_.mapping);
     loops_ = std::make_unique<LoopClosing>(model_, settings_.loops);
@@ -224,6 +229,7 @@ class SlamSystem final : public Tracker {
   std::unique_ptr<MapTracking> tracking_;
   std::unique_ptr<LocalMapping> mapping_;
   std::unique_ptr<LoopClosing> loops_;
+  StartReview review_;
   std::future<void> background_;  // last: ends before what it works on
 };
 

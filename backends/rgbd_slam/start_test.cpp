@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: BSD-2-Clause
+#include <gtest/gtest.h>
+
+#include "slam_fixture.hpp"
+
+namespace {
+
+using namespace stillpoint;
+using namespace stillpoint::rgbd_slam;
+using namespace test_scene;
+
+// What fills most of the image moves, takes the first frames along, and goes.
+struct Start {
+  Trajectory tracked, finished;
+};
+
+Start start_among_movers(const SlamSystem::Settings& settings, double covered_s, double rate_hz) {
+  SlamSystem slam(camera(), settings);
+  Start start;
+  for (int step = 0; step < 3 * rate_hz; ++step) {
+    const double t = step / rate_hz;
+    const Eigen::Isometry3d T = path_at(t);
+    RgbdFrame frame = render(T, t);
+    if (t < covered_s - 1e-6) {
+      // It looks like the walls behind the camera, which are not seen else.
+      Eigen::Isometry3d moved = Eigen::AngleAxisd(3.14159, Eigen::Vector3d::UnitY()) * T;
+      moved.pretranslate(Eigen::Vector3d(0.45, 0, 0.15) * t);
+      cover_left(frame, 0.6, moved);
+    }
+    const auto pose = feed(slam, frame);
+    EXPECT_TRUE(pose) << step;
+    if (pose) start.tracked.push_back({t, *pose});
+    if (settings.threaded) slam.finish();  // else frames come faster than the map is built
+  }
+  slam.finish();
+  start.finished = slam.trajectory();
+  return start;
+}
+
+void expect_corrected(const SlamSystem::Settings& settings, double covered_s, double rate_hz) {
+  const Start start = start_among_movers(settings, covered_s, rate_hz);
+  ASSERT_EQ(start.finished.size(), start.tracked.size());
+  EXPECT_GT(worst_error(start.tracked), 0.08) << "or there is nothing to correct";
+  EXPECT_LT(worst_error(start.finished), 0.05);
+  EXPECT_LT(distance(start.finished.back().T_world_camera, start.tracked.back().T_world_camera),
+            0.01)
+      << "where it is now has not changed";
+}
+
+TEST(SlamSystem, CorrectsAStartThatWentAlongWithAMover) {
+  expect_corrected(small_settings(), 8 / 30.0, 30);
+  expect_corrected(threaded_settings(), 8 / 30.0, 30);
+}
+
+// Keyframes that are 10 frames later have the mover in their map, too.
+TEST(SlamSystem, CorrectsALongWrongStart) { expect_corrected(small_settings(), 20 / 30.0, 30); }
+
+TEST(SlamSystem, CorrectsTheStartOfASlowCamera) {
+  expect_corrected(small_settings(), 20 / 30.0, 10);
+}
+
+TEST(SlamSystem, LeavesTheStartOfAnOdometryAsItWasTracked) {
+  const Start start =
+      start_among_movers(small_settings(SlamSystem::Settings::odometry()), 8 / 30.0, 30);
+  expect_same(start.finished, start.tracked);
+}
+
+// Few frames in the first seconds, with gaps.
+TEST(SlamSystem, ReviewsAStartOfFewFrames) {
+  SlamSystem slam(camera(), small_settings());
+  Trajectory tracked;
+  int step = 0;
+  for (const double t : {0.0, 0.4, 1.9, 3.1, 3.2, 6.0}) {
+    const auto pose = feed(slam, render(path(step++), t));
+    ASSERT_TRUE(pose) << t;
+    tracked.push_back({t, *pose});
+  }
+  slam.finish();
+  ASSERT_EQ(slam.trajectory().size(), tracked.size());
+  for (std::size_t i = 0; i < tracked.size(); ++i)
+    EXPECT_LT(distance(slam.trajectory()[i].T_world_camera, tracked[i].T_world_camera), 0.01) << i;
+}
+
+}  // namespace
