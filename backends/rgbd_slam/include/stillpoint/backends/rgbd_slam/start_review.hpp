@@ -31,6 +31,12 @@ class StartReview {
   /// run() has judged it. The caller holds the map's lock.
   void keep(const KeypointFrame& frame, const cv::Mat& gray) {
     if (over_) return;
+    // Without a clock, or with one that was set back, nobody knows which keyframes are later.
+    if (!kept_.empty() && frame.timestamp <= kept_.back().frame.timestamp) {
+      over_ = true;
+      kept_.clear();
+      return;
+    }
     if (kept_.empty()) start_s_ = frame.timestamp;
     if (frame.timestamp - start_s_ < kFirstS && kept_.size() < kMostFrames)
       kept_.push_back({frame, gray.clone()});
