@@ -33,7 +33,7 @@ class OutlierClusters {
   /// The corners in clusters that move otherwise than a motion says, and than another one if there
   /// is one: off by over 1.3 pixels (of 640 in a row), four times the median by area, and, of their
   /// own displacement, `smeared_share` (shutter) and four times the median share, at most 0.12; and
-  /// by 5 mm in space, which counts within 2 m. With at least four others within 0.3 m that move
+  /// by 4 mm in space, which counts within 1.6 m. With at least four others within 0.3 m that move
   /// alike, and more than do not. None lies at an edge of `depth`, that of the frame they were
   /// followed into. O(corners squared).
   const std::vector<OutlierCorner>& find(const std::vector<Flow>& flows, const CornerImage& now,
@@ -79,7 +79,7 @@ class OutlierClusters {
   static constexpr float kLeastOutlierPx = 0.65f;  // fine pixels
   // The camera's motion is off by millimetres: before a wall far away a small displacement looks
   // like a rotation. That shows in what is close by.
-  static constexpr float kLeastOutlierM = 0.005f;
+  static constexpr float kLeastOutlierM = 0.004f;
   static constexpr float kClusterM = 0.3f;
   static constexpr int kFewestWith = 4;
   static constexpr float kTimesMedian = 4;

@@ -78,6 +78,7 @@ class MapTracking {
       }
       if (!ok || leaps)
         ok = find_anywhere(map, index, leaps ? kSureInliers : settings_.min_relocalized);
+      if (ok) count_sightings(map);
       if (ok && keyframe_due(map, mapper_busy)) insert_keyframe(map);
     }
     if (ok) {
@@ -159,25 +160,28 @@ class MapTracking {
     stats_.local_points = static_cast<int>(local_.points.size());
     if (!local_.reference) return false;
     // Those matched already are in view; the others are looked for.
-    std::vector<PointId> in_view;
+    in_view_.clear();
     std::vector<char> matched(map.point_end(), 0);
     for (const PointId id : current_.points)
-      if (id) matched[id.index()] = 1, in_view.push_back(id);
+      if (id) matched[id.index()] = 1, in_view_.push_back(id);
     std::vector<PointId> others;
     others.reserve(local_.points.size());
     for (const PointId id : local_.points)
       if (!matched[id.index()]) others.push_back(id);
-    match_projections(model_, map, others, 4, current_, &in_view);
+    match_projections(model_, map, others, 4, current_, &in_view_);
     stats_.matches = current_.matches();
     stats_.inliers = refine_pose(model_, map, current_);
     if (stats_.inliers >= settings_.min_inliers / 2) {
       align_matches(model_, map, *pyramid_, current_);
       refine_aligned(map);
     }
-    for (const PointId id : in_view) ++map.point(id)->visible;
+    return stats_.inliers >= settings_.min_inliers;
+  }
+
+  void count_sightings(Map& map) {
+    for (const PointId id : in_view_) ++map.point(id)->visible;
     for (const PointId id : current_.points)
       if (id) ++map.point(id)->found;
-    return stats_.inliers >= settings_.min_inliers;
   }
 
   // Aligned matches of the static world fit within a fraction of a pixel. Where many do not, the
@@ -256,6 +260,7 @@ class MapTracking {
   const ImagePyramid* pyramid_ = nullptr;  // of the frame that is tracked now
   TrackedFrame current_;
   LocalMap local_;
+  std::vector<PointId> in_view_;  // those of the local map that the current frame should see
   PoseHistory history_;
   Stats stats_;
   KeyframeId newest_keyframe_;
