@@ -3,6 +3,7 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <cmath>
 #include <cstddef>
 #include <mutex>
 #include <opencv2/core.hpp>
@@ -23,8 +24,9 @@ namespace stillpoint::rgbd_slam {
 /// At the start nobody knows yet who moves. A person close by may take the first poses along, and
 /// the trajectory begins wrong. So the first frames are kept and tracked a second time, the last
 /// one first, on those points only that later keyframes see: later than the frame by a while, and
-/// later than the last frame that was wrong. A pose that few of these points fit is replaced. Right
-/// poses stay as they are, so nothing changes after a start among nobody.
+/// later than the last frame that was far off. A pose that these points fit worse than the one
+/// found on them is replaced. Right poses stay as they are, so nothing changes after a start among
+/// nobody.
 class StartReview {
  public:
   /// Takes a frame that will be tracked. One of the first is kept, about 0.5 MB at 640 x 480, until
@@ -54,7 +56,7 @@ class StartReview {
       over_ = true;
       kept.swap(kept_);
     }
-    double right_from_s = start_s_;  // no frame from here on was wrong
+    double right_from_s = start_s_;  // no frame from here on was far off
     double next_s = start_s_;        // of the frame judged before: its time and T_camera_world
     std::optional<Eigen::Isometry3d> next, after_next;
     for (std::size_t k = kept.size(); k-- > 0;) {
@@ -67,9 +69,11 @@ class StartReview {
       if (after_next) guesses.push_back(*next * after_next->inverse() * *next);
       const double later_s = std::max(time_s + kLaterS, right_from_s);
       const auto found = track_again(model, map, kept[k], later_s, guesses);
-      if (!found) break;  // earlier frames are still farther from what is known
-      if (fits(model, map, *found, T) < kFits) {
-        right_from_s = std::max(right_from_s, next_s);
+      if (!found && !next) continue;  // no keyframe is so much later yet
+      if (!found) break;              // earlier frames are still farther from what is known
+      const Fit before = fit(model, map, *found, T);
+      if (before.error > kWorse * fit(model, map, *found, found->T_camera_world).error) {
+        if (before.share < kLeastShare) right_from_s = std::max(right_from_s, next_s);
         T = found->T_camera_world;
         correct(map, history, *record, *found, later_s);
       }
@@ -87,9 +91,12 @@ class StartReview {
   // wrong, too.
   static constexpr double kLaterS = 0.34;
   static constexpr int kFewestInliers = 25;
-  // Share of the points found again that must fit. Many fit a wrong pose, too: far points hardly
-  // tell a translation from a rotation.
-  static constexpr double kFits = 0.93;
+  // A pose is wrong whose mean squared error is so many times that of the pose found again. Among
+  // nobody it is 1.16 times at most (fr1/rpy); a pose that is off by 6 mm has 1.3 times.
+  static constexpr double kWorse = 1.25;
+  // It is far off, and may have led others astray, if fewer points than this share fit. Many fit a
+  // wrong pose, too: far points hardly tell a translation from a rotation.
+  static constexpr double kLeastShare = 0.93;
   static constexpr double kFitsSigmas = 3;
 
   struct Kept {
@@ -126,19 +133,27 @@ class StartReview {
     return best;
   }
 
-  // Share of the matches that fit another pose, too.
-  static double fits(const CameraModel& model, const Map& map, const TrackedFrame& found,
-                     const Eigen::Isometry3d& T_camera_world) {
-    int fitting = 0;
+  struct Fit {
+    double share;  // of the matches, those within kFitsSigmas
+    double error;  // the mean of their squared errors in sigmas; those beyond count as just there
+  };
+
+  // How well the matches fit a pose.
+  static Fit fit(const CameraModel& model, const Map& map, const TrackedFrame& found,
+                 const Eigen::Isometry3d& T_camera_world) {
+    Fit sum{0, 0};
     for (std::size_t k = 0; k < found.points.size(); ++k) {
       const MapPoint* point = map.point(found.points[k]);
       if (!point) continue;
       const Eigen::Vector3d p = T_camera_world * point->position;
       const FrameKeypoint& keypoint = found.frame.keypoints[k];
-      const double limit_px = kFitsSigmas * model.sigma_px(keypoint);
-      fitting += p.z() > 0.1 && (model.camera.project(p) - keypoint.pixel()).norm() < limit_px;
+      double sigmas = kFitsSigmas;
+      if (p.z() > 0.1)
+        sigmas = (model.camera.project(p) - keypoint.pixel()).norm() / model.sigma_px(keypoint);
+      sum.share += sigmas < kFitsSigmas;
+      sum.error += std::pow(std::min(sigmas, kFitsSigmas), 2);
     }
-    return static_cast<double>(fitting) / found.matches();
+    return {sum.share / found.matches(), sum.error / found.matches()};
   }
 
   // Gives a frame the pose `found`, relative to the first keyframe after `later_s`. If it is a
