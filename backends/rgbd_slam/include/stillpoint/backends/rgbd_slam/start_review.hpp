@@ -24,9 +24,9 @@ namespace stillpoint::rgbd_slam {
 /// At the start nobody knows yet who moves. A person close by may take the first poses along, and
 /// the trajectory begins wrong. So the first frames are kept and tracked a second time, the last
 /// one first, on those points only that later keyframes see: later than the frame by a while, and
-/// later than the last frame that was far off. A pose that these points fit worse than the one
-/// found on them is replaced. Right poses stay as they are, so nothing changes after a start among
-/// nobody.
+/// later than the last frame that was far off. A pose that these points fit clearly worse than the
+/// one found on them is replaced. Right poses stay as they are, so nothing changes after a start
+/// among nobody.
 class StartReview {
  public:
   /// Takes a frame that will be tracked. One of the first is kept, about 0.5 MB at 640 x 480, until
