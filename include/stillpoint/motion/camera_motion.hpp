@@ -83,7 +83,17 @@ class CameraMotion {
   void remember_dynamic(const cv::Mat& mask) {
     const int scale = current_.scale;
     for (detail::Corner& c : current_.corners)
-      c.dynamic = mask.at<uchar>(scale * c.y, scale * c.x) != 0;
+      c.dynamic |= mask.at<uchar>(scale * c.y, scale * c.x) != 0;
+  }
+
+  /// The same for the corners around one that moves by itself, `reach_m` to the sides and in depth.
+  /// O(corners).
+  void remember_moving(const OutlierCorner& corner, float reach_m) {
+    const float reach_px = reach_m * current_.fx / corner.depth_m;
+    for (detail::Corner& c : current_.corners)
+      c.dynamic |= std::abs(current_.frame_px(c.x) - corner.u) < reach_px &&
+                   std::abs(current_.frame_px(c.y) - corner.v) < reach_px &&
+                   std::abs(c.depth_m - corner.depth_m) < reach_m;
   }
 
   /// Share of the followed area that agrees with a motion.

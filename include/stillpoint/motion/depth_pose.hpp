@@ -41,9 +41,11 @@ class DepthPose {
     registered_ = false;
   }
 
-  /// Finds the pose of the cells of a frame whose depth was taken at `depth_s`. O(cells).
-  void locate(double depth_s, const DepthCells& cells, const EgoMotion& ego,
-              const FreeSpaceMap& map) {
+  /// Finds the pose of the cells of a frame whose depth was taken at `depth_s`. `moving`: one byte
+  /// per cell, not 0 = moves by itself, and does not tell where the camera is; may be empty.
+  /// O(cells).
+  void locate(double depth_s, const DepthCells& cells, const std::vector<std::uint8_t>& moving,
+              const EgoMotion& ego, const FreeSpaceMap& map) {
     const Eigen::Vector3d rotation_rad_s = ego.angular_velocity();
     const double rad_s = rotation_rad_s.norm();
     taken_s_ = depth_s + (delay().known() ? delay().mean_s : 0);
@@ -58,7 +60,7 @@ class DepthPose {
       const bool compare = registered_;
       shot_.T_map_depth = predicted_ = followed(depth_s - last.timestamp) * step;
       const auto found =
-          registration_.align(shot_, cells, map, kRotationSigma + kRotationSigmaS * rad_s,
+          registration_.align(shot_, cells, moving, map, kRotationSigma + kRotationSigmaS * rad_s,
                               kTranslationSigmaM + kTranslationSigmaMS * rad_s);
       registered_ = found && found->fit > kLeastFit;
       if (registered_) {

@@ -7,6 +7,7 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
 #include <limits>
 #include <optional>
 #include <tuple>
@@ -44,14 +45,15 @@ class DepthRegistration {
     double readout_off_s = 0, readout_information = 0;
   };
 
-  /// `shot`: the image with the predicted pose, whose standard deviations are given. No value where
-  /// too few cells can be compared. O(cells).
+  /// `shot`: the image with the predicted pose, whose standard deviations are given. `moving`: one
+  /// byte per cell, not 0 = has no say; may be empty. No value where too few cells can be compared.
+  /// O(cells).
   std::optional<Result> align(const DepthShot& shot, const DepthCells& cells,
-                              const FreeSpaceMap& map, double rotation_sigma,
-                              double translation_sigma_m) {
+                              const std::vector<std::uint8_t>& moving, const FreeSpaceMap& map,
+                              double rotation_sigma, double translation_sigma_m) {
     static constexpr std::array<double, 3> kAgesS = {1.6, 0.5, 0.05};
     map.views_at(shot.timestamp, kAgesS, views_);
-    take_points(cells, shot);
+    take_points(cells, moving, shot);
     Result result;
     result.T_map_depth = shot.T_map_depth;
     for (int i = 0; i < kSteps; ++i) {
@@ -99,18 +101,19 @@ class DepthRegistration {
     Packet compared = Packet::constant(0), agreeing = compared, weighted = compared;
   };
 
-  // Every fourth cell, and of those that are measured every second.
-  void take_points(const DepthCells& cells, const DepthShot& shot) {
+  // Every fourth cell, and of those that are measured every second, unless it moves.
+  void take_points(const DepthCells& cells, const std::vector<std::uint8_t>& moving,
+                   const DepthShot& shot) {
     points_.clear();
-    std::size_t measured = 0;
+    std::size_t measured = 0, taken = 0;
     for (int y = 0; y < cells.height; ++y) {
       const float row = cells.row_share(static_cast<float>(y));
       const Eigen::Matrix3f R = shot.middle_of_row(row);
       for (int x = y % 4; x < cells.width; x += 4) {
         const std::size_t i = cells.index(x, y);
         const float z = cells.depth_m[i];
-        if (!(z > 0) || measured++ % 2 != 0) continue;
-        const std::size_t k = measured / 2 % 4;
+        if (!(z > 0) || measured++ % 2 != 0 || (!moving.empty() && moving[i] != 0)) continue;
+        const std::size_t k = taken++ % 4;
         if (k == 0) points_.emplace_back();
         const Eigen::Vector3f p = R * Eigen::Vector3f(cells.ray_x[i] * z, cells.ray_y[i] * z, z);
         const Eigen::Vector3f read = row * shot.rad_s.cross(p);

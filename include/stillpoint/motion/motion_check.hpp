@@ -58,6 +58,7 @@ class MotionCheck {
   /// reference stays valid until the next call. Call remember() afterwards.
   const std::vector<Instance>& find(FrameContext& context, EgoMotion& ego) {
     detector_.clear();
+    if (!judged_) outliers_.clear();
     judged_ = false;
     if (!context.depth.any_measured()) return detector_.found();
     if (context.size() != size_ || context.frame.timestamp <= last_s_ || std::isinf(last_s_)) {
@@ -76,7 +77,7 @@ class MotionCheck {
                                                 : std::clamp(2 * ((size_.width + 80) / 160), 2, 64);
     cells_.set(context.depth, block_px);
     if (cells_.size() == 0) return detector_.found();  // not one cell
-    pose_.locate(context.frame.depth_time(), cells_, ego, map_);
+    pose_.locate(context.frame.depth_time(), cells_, find_moving(ego), ego, map_);
     map_.judge(pose_.shot(), cells_, context.labels);
     label_outlier_corners(ego, context);
     context.labels.find_wide_static();
@@ -149,6 +150,25 @@ class MotionCheck {
     outliers_.clear();
   }
 
+  // The cells whose corners moved by themselves in the last frame, and what their surfaces go on
+  // into: a large mover must not drag the camera's pose along.
+  const std::vector<std::uint8_t>& find_moving(const EgoMotion& ego) {
+    moving_.assign(cells_.size(), 0);
+    if (!ego.motion()) return moving_;
+    const Eigen::Isometry3f T = ego.motion()->cast<float>();
+    for (const Eigen::Vector3f& last : outliers_) {
+      const Eigen::Vector3f now = T * last;
+      if (!(now.z() > 0)) continue;
+      const auto [u, v] = cells_.cell(now.x() / now.z(), now.y() / now.z());
+      if (!(u > -0.5f && v > -0.5f && u < static_cast<float>(cells_.width) - 0.5f &&
+            v < static_cast<float>(cells_.height) - 0.5f))
+        continue;
+      const std::size_t cell = cells_.index(static_cast<int>(u + 0.5f), static_cast<int>(v + 0.5f));
+      if (std::abs(cells_.depth_m[cell] - now.z()) < kOutlierStepM) moving_[cell] = 1;
+    }
+    return touching_.find(cells_, moving_);
+  }
+
   // Surfaces around corners that move by themselves have moved: a slow surface lies over where it
   // was a moment ago. Of those that have been there for longer nothing is known any more, once it
   // is seen twice: a reflection moves, and so does a flat board in its own plane.
@@ -175,6 +195,7 @@ class MotionCheck {
       const bool twice = seen_twice(cell, corner.depth_m, seen);
       if (!twice && !(once_is_enough && corner.off_m > kOnceOffM)) continue;
       outlier_cells_.push_back(cell);
+      ego.images().remember_moving(corner, kOutlierStepM);
       const int reach = static_cast<int>(kOutlierReachM * cells_.fx / corner.depth_m);
       for (int y = std::max(0, cy - reach); y <= std::min(cells_.height - 1, cy + reach); ++y)
         for (int x = std::max(0, cx - reach); x <= std::min(cells_.width - 1, cx + reach); ++x) {
@@ -212,6 +233,7 @@ class MotionCheck {
   int chain_ = -1;                          // of the ego-motion, at the last frame in the map
   bool judged_ = false;                     // the last frame
   std::vector<std::uint8_t> dynamic_;       // of the last frame, by cell
+  std::vector<std::uint8_t> moving_;        // see find_moving(), by cell
   std::vector<std::size_t> outlier_cells_;  // of the outlier corners of the last frame
   double start_s_ = 0;                      // of the sequence
   std::vector<Eigen::Vector3f> outliers_, last_outliers_;  // of two frames, each in its camera
