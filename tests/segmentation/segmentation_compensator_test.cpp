@@ -417,6 +417,25 @@ TEST(SegmentationCompensator, CarriesOnWhatWalksAway) {
   EXPECT_LT(restored(0.5, false), 30) << "the camera may have gone";
 }
 
+TEST(SegmentationCompensator, DoesNotCarryOnWhatHasNoNameWhereDepthShowsNothingOfIt) {
+  // Nothing is measured on it. How many frames it is restored in, after it was seen in three.
+  const auto restored = [](const char* name) {
+    Show show;
+    const Figure black{{140, 80, 60, 120}, 0, 1};
+    const Instance instance = box_instance(black.box, show.scene.size, name);
+    int n = 0;
+    for (int i = 0; i < 10; ++i) {
+      const std::vector<Instance> seen(i < 3 ? 1 : 0, instance);
+      const RgbdFrame frame = show.scene.frame(kStart + i / 30.0, {black});
+      const bool any = !show.compensator.compensate(frame, result(seen)).instances.empty();
+      n += i >= 3 && any;
+    }
+    return n;
+  };
+  EXPECT_EQ(restored("person"), 7) << "black clothes are not measured";
+  EXPECT_EQ(restored(""), 0) << "it was found by its depth: only its border with others is left";
+}
+
 TEST(SegmentationCompensator, ForgetsAfterTooManyMisses) {
   const Walker walker{140, 80, 0, 0};
   Settings settings;

@@ -33,6 +33,8 @@ class ObjectLocator {
       if (s.measured >= 12)
         return s.agree >= settings_.min_depth_support * static_cast<double>(s.measured);
     }
+    // What has no name was found by its depth: where that shows nothing of it, it is gone.
+    if (object.class_name.empty() && !depth.empty()) return false;
     if (object.patch().empty()) return true;
     const auto corner = object.predicted(
         {static_cast<float>(object.box().x), static_cast<float>(object.box().y), 0});
