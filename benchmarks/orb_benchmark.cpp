@@ -17,17 +17,18 @@ const bool kSaidSo = std::fputs(
                          stderr) >= 0;
 #endif
 
-double orb_seconds() {
-  const Scene& scene = rendered_scene();
-  const cv::Ptr<cv::ORB> orb = cv::ORB::create(3000);
-  std::vector<cv::KeyPoint> keypoints;
-  cv::Mat descriptors;
-  constexpr int kTimes = 16;
+OrbYardstick::OrbYardstick() : orb_(cv::ORB::create(3000)) {}
+
+void OrbYardstick::extract() {
+  const std::vector<RgbdFrame>& frames = rendered_scene().frames;
   const std::clock_t start = std::clock();
-  for (std::size_t i = 0; i < kTimes; ++i)
-    orb->detectAndCompute(scene.frames[i % scene.frames.size()].gray, cv::noArray(), keypoints,
-                          descriptors);
-  return static_cast<double>(std::clock() - start) / CLOCKS_PER_SEC / kTimes;
+  orb_->detectAndCompute(frames[times_++ % frames.size()].gray, cv::noArray(), keypoints_,
+                         descriptors_);
+  taken_ += std::clock() - start;
+}
+
+double OrbYardstick::seconds() const {
+  return static_cast<double>(taken_) / CLOCKS_PER_SEC / static_cast<double>(times_);
 }
 
 namespace {

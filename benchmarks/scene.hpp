@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <ctime>
 #include <opencv2/core.hpp>
 #include <opencv2/features2d.hpp>
 #include <opencv2/imgproc.hpp>
@@ -62,9 +63,23 @@ class Player {
   Segmentation segmentation_;
 };
 
-/// CPU seconds of one extraction of 3000 ORB keypoints in the rendered scene, the mean of 16; for
-/// shares that are measured side by side.
-double orb_seconds();
+/// What the extraction of 3000 ORB keypoints in the rendered scene takes; for shares. A machine's
+/// speed changes within a second, so extract() is called in between what is measured.
+class OrbYardstick {
+ public:
+  OrbYardstick();
+  /// Extracts once.
+  void extract();
+  /// CPU seconds of an extraction, the mean of all.
+  double seconds() const;
+
+ private:
+  cv::Ptr<cv::ORB> orb_;
+  std::vector<cv::KeyPoint> keypoints_;
+  cv::Mat descriptors_;
+  std::clock_t taken_ = 0;
+  std::size_t times_ = 0;
+};
 
 inline std::vector<Instance> instances_of(const cv::Mat& labels) {
   std::vector<Instance> instances;
