@@ -571,9 +571,9 @@ TEST(MotionCheck, FindsABoardThatSlidesInItsOwnPlane) {
     least = std::min(least, cv::countNonZero(mask & board) / double(cv::countNonZero(board)));
     EXPECT_LT(cv::countNonZero(mask & ~board), 0.01 * kWidth * kHeight) << i;
   }
-  EXPECT_GT(least, 0.85) << "0.5 if its inside is taken for static, or its corners are not "
-                            "followed; 0.77 if these have "
-                            "a say on the camera's motion";
+  EXPECT_GT(least, 0.85)
+      << "0.5 if its inside is taken for static, or its corners are not followed; "
+         "0.77 if these have a say on the camera's motion";
 }
 
 }  // namespace

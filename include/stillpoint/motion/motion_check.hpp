@@ -151,10 +151,11 @@ class MotionCheck {
   }
 
   // The cells whose corners moved by themselves in the last frame, and what their surfaces go on
-  // into: a large mover must not drag the camera's pose along.
+  // into: a large mover must not drag the camera's pose along. Empty: none.
   const std::vector<std::uint8_t>& find_moving(const EgoMotion& ego) {
-    moving_.assign(cells_.size(), 0);
-    if (!ego.motion()) return moving_;
+    moving_.clear();
+    if (outliers_.empty() || !ego.motion()) return moving_;
+    moving_.resize(cells_.size());
     const Eigen::Isometry3f T = ego.motion()->cast<float>();
     for (const Eigen::Vector3f& last : outliers_) {
       const Eigen::Vector3f now = T * last;
