@@ -303,6 +303,17 @@ TEST(SegmentationCompensator, DoesNotRestoreWhoIsHidden) {
   }
 }
 
+TEST(SegmentationCompensator, DoesNotRestoreWhoWasHiddenAfterAFrameWithoutDepth) {
+  // Nothing is measured on him in the last frame that shows him: he is still at 2 m, not in front.
+  const Walker walker{140, 80, 0, 0}, column{120, 20, 0, 0, 1, 5, {120, 200}};
+  Walker unmeasured = walker;
+  unmeasured.depth_m = 0;
+  Show show;
+  for (const double t : {0.0, 0.033, 0.067}) show.show(t, {walker});
+  EXPECT_EQ(show.show(0.1, {unmeasured}).instances.size(), 1u);
+  EXPECT_TRUE(show.show(0.133, {}, {walker, column}).instances.empty());
+}
+
 TEST(SegmentationCompensator, TellsObjectsAndClassesApart) {
   const Walker person{40, 80, 60, 0, 2, 1}, cat{200, 150, -60, 0, 3, 2, {50, 30}},
       other{130, 60, 0, 30, 2.5f, 3};

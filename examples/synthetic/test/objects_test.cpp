@@ -3,11 +3,8 @@
 // prints a table.
 #include <gtest/gtest.h>
 
-#include <algorithm>
-#include <cmath>
 #include <cstdio>
 #include <map>
-#include <opencv2/imgproc.hpp>
 #include <string>
 #include <vector>
 
@@ -15,7 +12,6 @@
 #include "stillpoint/evaluation/object_metrics.hpp"
 #include "stillpoint/front_end.hpp"
 #include "stillpoint/io/mask_folder.hpp"
-#include "stillpoint/motion/ego_motion.hpp"
 #include "synthetic/sequence.hpp"
 
 namespace stillpoint {
@@ -117,8 +113,9 @@ TEST(Objects, AreFollowedOnRenderedPeople) {
   }
   // One goes behind the other, who is closer to him than the length of a step, and comes out.
   const ObjectMetrics crossing = judge({"xyz, 30 Hz", SyntheticMotion::kXyz, 2, 1});
-  EXPECT_GT(crossing.mota(), 0.75);
-  EXPECT_LT(crossing.motp_m(), 0.3);
+  EXPECT_GT(crossing.mota(), 0.85);
+  EXPECT_LT(crossing.motp_m(), 0.2);
+  EXPECT_LE(crossing.id_switches(), 2);
 }
 
 TEST(Objects, WhoWalksBehindAPillarKeepsHisId) {
@@ -132,56 +129,8 @@ TEST(Objects, WhoWalksBehindAPillarKeepsHisId) {
     EXPECT_LE(metrics.id_switches(), c.every > 0 ? 0 : 1) << c.name;
     // Nor before the motion of one who has just come into view is seen.
     EXPECT_GT(metrics.coverage(), c.every > 0 ? 0.9 : 0.7) << c.name;
-    EXPECT_LE(metrics.false_positives(), c.every > 0 ? 8 : 2) << c.name;
+    EXPECT_LE(metrics.false_positives(), c.every > 0 ? 4 : 2) << c.name;
   }
-}
-
-// People who walk alike close to a camera at rest have more corners than the room behind them.
-TEST(EgoMotion, IsNotCarriedAlongByPeople) {
-  for (const std::uint64_t seed : {2u, 5u}) {
-    SyntheticSettings settings;
-    settings.seed = seed, settings.motion = SyntheticMotion::kStatic, settings.people = 2;
-    settings.width = 320, settings.height = 240, settings.frames = 15;
-    settings.carried_object = false, settings.pillar = true;
-    const SyntheticSequence sequence(settings);
-    FrontEnd front_end({}, sequence.camera());
-    for (int i = 0; i < sequence.frame_count(); ++i) {
-      const SyntheticFrame rendered = sequence.frame(i);
-      RgbdFrame frame{rendered.color, rendered.depth, rendered.timestamp};
-      frame.depth_units_per_m = sequence.camera().depth_units_per_m;
-      front_end.compute_mask(frame, Segmentation());
-    }
-    EXPECT_LT(front_end.ego_motion().pose().translation().norm(), 0.02) << "seed " << seed;
-  }
-}
-
-// A carton as high as the image, pushed to the side: its front stays in one plane, and fits where
-// it was as well as where it is. Its corners tell that it moves, the registration of the depth,
-// too.
-TEST(MotionCheck, FindsALargeCartonThatMovesInItsOwnPlane) {
-  SyntheticSettings settings;
-  settings.seed = 33, settings.motion = SyntheticMotion::kRpy;
-  settings.people = 1, settings.movers = 2;
-  settings.width = 320, settings.height = 240;
-  const SyntheticSequence sequence(settings);
-  FrontEnd front_end({}, sequence.camera());
-  double recall = 0, wrong = 0;
-  int frames = 0;
-  for (int i = 0; i < 30; ++i) {
-    const SyntheticFrame rendered = sequence.frame(i);
-    RgbdFrame frame{rendered.color, rendered.depth, rendered.timestamp};
-    frame.depth_units_per_m = sequence.camera().depth_units_per_m;
-    const cv::Mat mask = front_end.compute_mask(frame, Segmentation()).image;
-    if (i < 15) continue;  // at first it is slow
-    const cv::Mat carton = rendered.labels == 101, others = rendered.labels != 0;
-    cv::Mat beside;
-    cv::dilate(others, beside, cv::getStructuringElement(cv::MORPH_RECT, {21, 21}));
-    recall += cv::countNonZero(carton & mask) / std::max(1.0, 1.0 * cv::countNonZero(carton));
-    wrong += cv::countNonZero(mask & ~beside) / static_cast<double>(mask.total());
-    ++frames;
-  }
-  EXPECT_GT(recall / frames, 0.6) << "0.28 if it drags the registered pose along";
-  EXPECT_LT(wrong / frames, 0.02) << "0.036 then: a table is where the map has free space";
 }
 
 }  // namespace

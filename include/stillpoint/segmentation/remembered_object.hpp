@@ -255,7 +255,7 @@ class RememberedObject {
                  sy / static_cast<double>(inside_.size())};
     else
       center_ = {box_.x + 0.5 * box_.width, box_.y + 0.5 * box_.height};
-    z_ = depth.empty() ? predicted_z_ : 0;
+    z_ = predicted_z_;  // who is without depth for a frame has not gone elsewhere
     if (depths_.size() >= 5) {
       const auto median = depths_.begin() + static_cast<std::ptrdiff_t>(depths_.size() / 2);
       std::nth_element(depths_.begin(), median, depths_.end());
