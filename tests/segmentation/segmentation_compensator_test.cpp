@@ -314,6 +314,18 @@ TEST(SegmentationCompensator, DoesNotRestoreWhoWasHiddenAfterAFrameWithoutDepth)
   EXPECT_TRUE(show.show(0.133, {}, {walker, column}).instances.empty());
 }
 
+TEST(SegmentationCompensator, CarriesOnWhoCameTooCloseToBeMeasured) {
+  const Walker walker{140, 80, 0, 0, 0.6f};
+  Walker unmeasured = walker;
+  unmeasured.depth_m = 0;
+  Show show;
+  for (const double t : {0.0, 0.033, 0.067}) show.show(t, {walker});
+  EXPECT_EQ(show.show(0.1, {unmeasured}).instances.size(), 1u);
+  const Segmentation& carried = show.show(0.133, {}, {unmeasured});
+  EXPECT_EQ(carried.instances.size(), 1u);
+  EXPECT_GT(show.iou_at(0.133, {walker}, carried), 0.8);
+}
+
 TEST(SegmentationCompensator, TellsObjectsAndClassesApart) {
   const Walker person{40, 80, 60, 0, 2, 1}, cat{200, 150, -60, 0, 3, 2, {50, 30}},
       other{130, 60, 0, 30, 2.5f, 3};

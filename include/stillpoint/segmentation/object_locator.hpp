@@ -104,7 +104,7 @@ class ObjectLocator {
   double missing_share(const DepthView& depth, const cv::Size& size, const RememberedObject& object,
                        const std::vector<Instance>& instances, std::size_t count) const {
     std::size_t total = 0, missing = 0;
-    const bool use_depth = !depth.empty() && object.depth_m() > 0;
+    const bool use_depth = !depth.empty() && object.measurable();
     for (const auto& point : object.inside()) {
       const auto p = object.predicted(point);
       const int x = round(p.x), y = round(p.y);

@@ -98,7 +98,7 @@ class RememberedObject {
   }
 
   /// Forgets where it was, and how far away.
-  void forget_past() { places_ = 0, z_ = predicted_z_ = 0; }
+  void forget_past() { places_ = 0, z_ = predicted_z_ = 0, measured_ = false; }
 
   /// Carries the object to `timestamp`: by the camera's motion (if known), then along its line.
   /// `max_speed_px_s` bounds the object's own motion.
@@ -210,12 +210,19 @@ class RememberedObject {
   const cv::Rect& box() const { return box_; }
   /// Centre of the pixels of inside().
   const cv::Point2d& center() const { return center_; }
+  /// Median depth of its pixels when these were last measured, metres; 0: never.
   float depth_m() const { return z_; }
+  /// Whether depth can tell where it is: its pixels were measured in the last frame that showed it
+  /// and had depth, or once, and not so close that cameras begin to fail.
+  bool measurable() const { return measured_ || z_ > kSurelyMeasuredM; }
   float predicted_depth_m() const { return predicted_z_; }
   /// How far the last predict() carried its centre across the image, pixels.
   double displacement_px() const { return displacement_px_; }
 
  private:
+  static constexpr std::size_t kFewestDepths = 5;
+  static constexpr float kSurelyMeasuredM = 1;
+
   static Eigen::Vector3d ray_of(const Lens& lens, const Eigen::Vector2d& pixel) {
     return lens.ray(static_cast<float>(pixel.x()), static_cast<float>(pixel.y()))
         .cast<double>()
@@ -256,7 +263,8 @@ class RememberedObject {
     else
       center_ = {box_.x + 0.5 * box_.width, box_.y + 0.5 * box_.height};
     z_ = predicted_z_;  // who is without depth for a frame has not gone elsewhere
-    if (depths_.size() >= 5) {
+    if (!depth.empty()) measured_ = depths_.size() >= kFewestDepths;
+    if (depths_.size() >= kFewestDepths) {
       const auto median = depths_.begin() + static_cast<std::ptrdiff_t>(depths_.size() / 2);
       std::nth_element(depths_.begin(), median, depths_.end());
       z_ = *median;
@@ -273,7 +281,7 @@ class RememberedObject {
   std::vector<uchar> mask_;
   cv::Point2d center_;
   float z_ = 0, predicted_z_ = 0, depth_motion_m_ = 0;
-  bool camera_known_ = false;
+  bool measured_ = false, camera_known_ = false;
   double displacement_px_ = 0;
   std::vector<Point> inside_, ring_;
   std::vector<float> depths_;

@@ -216,7 +216,7 @@ class SegmentationCompensator {
     // The paper restores whole objects only.
     if (seen && settings_.trigger == Settings::Trigger::kGlobal) return leave(seen, object);
     const cv::Size size = context.size();
-    if (seen && (depth.empty() || object.depth_m() == 0))
+    if (seen && (depth.empty() || !object.measurable()))
       locator_.align_to(output_.instances[static_cast<std::size_t>(pairs_.instance_of(j))], size,
                         object);
     // What is missing of it may be in another object's mask.
