@@ -87,7 +87,7 @@ TEST_F(Cli, OnlinePosesStandBesideTheFinalOnes) {
 
   ASSERT_EQ(run("bench walk --out online_bench --variants off,default --tracker vo --runs 3").code,
             0);
-  for (const Json& row : json_of(path("online_bench") / "results.json")["rows"]) {
+  for (const Json& row : rows_of(path("online_bench"))) {
     EXPECT_DOUBLE_EQ(row["ate_online_rmse_m"], row["ate_rmse_m"]) << row["label"];
     EXPECT_LE(row["ate_rmse_low_m"], row["ate_rmse_m"]);
     EXPECT_GE(row["ate_rmse_high_m"], row["ate_rmse_m"]);
@@ -155,7 +155,7 @@ TEST_F(Cli, GroundTruthOfTheBodyIsTurned) {
                 "--estimate other=of_body/trajectory.txt")
                 .code,
             0);
-  const Json rows = json_of(path("body_bench") / "results.json")["rows"];
+  const Json rows = rows_of(path("body_bench"));
   ASSERT_EQ(rows.size(), 2u);
   for (const Json& row : rows) EXPECT_EQ(row["groundtruth_of"], "body");
   EXPECT_NE(rows[0]["evo"].get<std::string>().find("off.0.groundtruth.txt"), std::string::npos);
@@ -169,7 +169,7 @@ TEST_F(Cli, GroundTruthOfTheBodyIsTurned) {
 TEST_F(Cli, BenchSaysTheDynamicShareAndTheMasks) {
   const Result r = run("bench walk --out real --variants off,default,truth --tracker vo");
   ASSERT_EQ(r.code, 0) << r.err;
-  const Json rows = json_of(path("real") / "results.json")["rows"];
+  const Json rows = rows_of(path("real"));
   ASSERT_EQ(rows.size(), 3u);
   EXPECT_TRUE(rows[0]["mask_share"].is_null());
   EXPECT_GT(rows[1]["mask_share"], 0.01);

@@ -17,7 +17,7 @@ TEST_F(Cli, BenchJudgesOtherSystemsByTheSameRules) {
       run("bench walk --out e --variants default --tracker vo --jobs 2 --estimate "
           "whole=other/trajectory.txt --estimate 'cut=short_{}.txt'");
   ASSERT_EQ(r.code, 0) << r.err;
-  const Json rows = json_of(path("e") / "results.json")["rows"];
+  const Json rows = rows_of(path("e"));
   ASSERT_EQ(rows.size(), 3u);
   for (const Json& row : rows) {
     const std::string label = row["label"];
@@ -47,7 +47,7 @@ TEST_F(Cli, BenchNeverCallsATruncatedEstimateTheBest) {
       run("bench long --out trunc --tracker vo --variants off --frames 26 --estimate cut=cut.txt "
           "--estimate whole=whole.txt --estimate like=like.txt");
   ASSERT_EQ(r.code, 0) << r.err;
-  const Json rows = json_of(path("trunc") / "results.json")["rows"];
+  const Json rows = rows_of(path("trunc"));
   ASSERT_EQ(rows.size(), 4u);
   int best = 0;
   double smallest = 1;
@@ -98,7 +98,7 @@ TEST_F(Cli, EvaluateAndBenchAgreeOnRealTrajectories) {
     estimates += " --estimate " + std::string(name) + "=real_" + name + ".txt";
   }
   EXPECT_EQ(run("bench real --camera fr3 --variants off --out real_bench" + estimates).code, 1);
-  const Json rows = json_of(path("real_bench") / "results.json")["rows"];
+  const Json rows = rows_of(path("real_bench"));
   ASSERT_EQ(rows.size(), 4u);
   for (const Json& row : rows) {
     if (row["variant"] == "off") {
@@ -144,7 +144,7 @@ TEST_F(Cli, BenchPutsThePapersTablesBesideOurs) {
     const std::size_t at = r.out.find("\n" + begin);
     return at == std::string::npos ? "" : r.out.substr(at + 1, r.out.find('\n', at + 1) - at - 1);
   };
-  const Json rows = json_of(path("paper") / "results.json")["rows"];
+  const Json rows = rows_of(path("paper"));
   for (const Json& row : rows)
     if (row["variant"] == "paper") {
       char number[32];
@@ -167,7 +167,7 @@ TEST_F(Cli, BenchPutsThePapersTablesBesideOurs) {
     }
   fs::remove_all(bonn_folder / "masks_gt");
   ASSERT_EQ(run("bench --paper data --out paper5 --variants off --frames 3 --tracker vo").code, 0);
-  const Json five = json_of(path("paper5") / "results.json")["rows"];
+  const Json five = rows_of(path("paper5"));
   for (const Json& row : five) EXPECT_EQ(row["runs"], 5);
   EXPECT_EQ(five.size(), 3u);
   const Json bonn = json_of(path("paper5") / "runs/rgbd_bonn_crowd2/off.0.json");

@@ -15,7 +15,7 @@ TEST_F(Cli, BenchComparesAndGoesOn) {
                             "default preset", "without compensation", "without depth",
                             "without probability", "without any masks", "ground-truth masks"})
     EXPECT_NE(r.out.find(label), std::string::npos) << label;
-  const Json rows = json_of(path("b") / "results.json")["rows"];
+  const Json rows = rows_of(path("b"));
   ASSERT_EQ(rows.size(), 9u);
   for (const Json& row : rows) {
     EXPECT_EQ(row["runs"], 1);
@@ -58,7 +58,7 @@ TEST_F(Cli, BenchShardsAreMerged) {
   EXPECT_FALSE(fs::exists(path("s0") / "index.html"));
   const Result r = run("bench --merge s0 s1 --out merged");
   ASSERT_EQ(r.code, 0) << r.err;
-  const Json rows = json_of(path("merged") / "results.json")["rows"];
+  const Json rows = rows_of(path("merged"));
   ASSERT_EQ(rows.size(), 2u);
   for (const Json& row : rows) EXPECT_EQ(row["runs"], 2);
   EXPECT_TRUE(fs::exists(path("merged") / "index.html"));
@@ -73,7 +73,7 @@ TEST_F(Cli, BenchShardsAreMerged) {
   EXPECT_NE(part.out.find("front end off (1 of 2 runs)"), std::string::npos) << part.out;
   EXPECT_NE(part.out.find("incomplete: 1 of 4 runs"), std::string::npos) << part.out;
   EXPECT_NE(text_of(path("lacking") / "index.html").find("(1 of 2 runs)"), std::string::npos);
-  for (const Json& row : json_of(path("lacking") / "results.json")["rows"]) {
+  for (const Json& row : rows_of(path("lacking"))) {
     EXPECT_EQ(row["failed"], row["variant"] == "off" ? "incomplete" : "");
     EXPECT_EQ(row["runs_planned"], 2);
   }
@@ -100,7 +100,7 @@ TEST_F(Cli, BenchMergesRunsThatEndedInError) {
   EXPECT_NE(r.err.find("1 of 4 runs ended in error"), std::string::npos) << r.err;
   EXPECT_NE(r.err.find("runs/walk/off.1.json"), std::string::npos) << r.err;
   EXPECT_NE(r.out.find("the disk was full"), std::string::npos) << r.out;
-  for (const Json& row : json_of(path("err_merged") / "results.json")["rows"])
+  for (const Json& row : rows_of(path("err_merged")))
     EXPECT_EQ(row["failed"], row["variant"] == "off" ? "error" : "");
   // A good result of the same run counts, in whatever order the folders come.
   for (const std::string folders : {"err0 err1 err1_good", "err0 err1_good err1"}) {
@@ -178,7 +178,7 @@ TEST_F(Cli, BenchMarksLostTracks) {
   copy_with_blind_frames("dark", 4, 12, 90);
   const Result r = run("bench dark --out d --variants default --tracker vo");
   ASSERT_EQ(r.code, 0) << r.err;
-  const Json rows = json_of(path("d") / "results.json")["rows"];
+  const Json rows = rows_of(path("d"));
   EXPECT_EQ(rows[0]["failed"], "coverage");
   EXPECT_NEAR(rows[0]["coverage_min"], 4.0 / 12, 1e-9);
   EXPECT_NE(r.out.find("33.3 % !"), std::string::npos) << r.out;
@@ -225,7 +225,7 @@ TEST_F(Cli, BenchStudiesDilationAndBlur) {
     EXPECT_EQ(blurred[key].size(), 21u) << key;
   // A wider mask removes no fewer keypoints.
   double kept_0 = 0, kept_20 = 0;
-  const Json rows = json_of(path("study") / "results.json")["rows"];
+  const Json rows = rows_of(path("study"));
   for (const Json& row : rows) {
     if (row["variant"] == "dilation_px=0") kept_0 += row["keypoints_static_kept"].get<double>();
     if (row["variant"] == "dilation_px=20") kept_20 += row["keypoints_static_kept"].get<double>();

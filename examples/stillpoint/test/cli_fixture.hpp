@@ -27,6 +27,13 @@ inline std::string text_of(const fs::path& path) {
 }
 
 inline Json json_of(const fs::path& path) { return Json::parse(text_of(path)); }
+/// The rows of a bench's table. By value: a loop over a part of a temporary would read freed
+/// memory.
+inline Json rows_of(const fs::path& folder) {
+  Json rows = json_of(folder / "results.json").at("rows");
+  EXPECT_FALSE(rows.empty()) << folder;
+  return rows;
+}
 
 inline std::size_t files_in(const fs::path& folder, const std::string& ending) {
   std::size_t n = 0;
