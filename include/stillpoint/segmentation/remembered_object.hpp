@@ -220,7 +220,7 @@ class RememberedObject {
   double displacement_px() const { return displacement_px_; }
 
  private:
-  static constexpr std::size_t kFewestDepths = 5;
+  static constexpr std::size_t kEnoughPoints = 12, kFewestDepths = 5;
   static constexpr float kSurelyMeasuredM = 1;
 
   static Eigen::Vector3d ray_of(const Lens& lens, const Eigen::Vector2d& pixel) {
@@ -229,37 +229,25 @@ class RememberedObject {
         .homogeneous();
   }
 
-  // Pixels spread over the mask, and pixels around it that show something else.
+  // Pixels spread over the mask, and pixels around it that show something else: more closely where
+  // a thin mask in a large box is hardly met. What has no name is found again by its motion.
   void sample_points(const cv::Size& size, const DepthView& depth) {
-    inside_.clear(), ring_.clear(), depths_.clear();
     const int margin = std::max(6, std::min(box_.width, box_.height) / 5);
     const cv::Rect around = cv::Rect(box_.x - margin, box_.y - margin, box_.width + 2 * margin,
                                      box_.height + 2 * margin) &
                             cv::Rect(cv::Point(), size);
     const int step = std::max(2, static_cast<int>(std::sqrt(around.area() / 300.0)));
-    double sx = 0, sy = 0;
-    for (int y = around.y + step / 2; y < around.y + around.height; y += step) {
-      const std::uint16_t* row = depth.empty() ? nullptr : depth.row(y);
-      const bool in_rows = y >= box_.y && y < box_.y + box_.height;
-      const uchar* mask =
-          mask_.data() + (in_rows ? static_cast<std::ptrdiff_t>(y - box_.y) * box_.width : 0);
-      for (int x = around.x + step / 2; x < around.x + around.width; x += step) {
-        const bool inside =
-            in_rows && x >= box_.x && x < box_.x + box_.width && mask[x - box_.x] != 0;
-        const Point p = {static_cast<float>(x), static_cast<float>(y),
-                         row ? depth.to_m(row[x]) : 0.0f};
-        if (!inside) {
-          ring_.push_back(p);
-          continue;
-        }
-        inside_.push_back(p);
-        sx += x, sy += y;
-        if (p.z > 0) depths_.push_back(p.z);
-      }
+    sample_points(around, step, depth);
+    if (inside_.size() < kEnoughPoints && step > 2 && !class_name.empty())
+      sample_points(around, std::max(2, step / 2), depth);
+    depths_.clear();
+    cv::Point2d sum;
+    for (const Point& p : inside_) {
+      sum += cv::Point2d(static_cast<double>(p.x), static_cast<double>(p.y));
+      if (p.z > 0) depths_.push_back(p.z);
     }
     if (!inside_.empty())
-      center_ = {sx / static_cast<double>(inside_.size()),
-                 sy / static_cast<double>(inside_.size())};
+      center_ = sum / static_cast<double>(inside_.size());
     else
       center_ = {box_.x + 0.5 * box_.width, box_.y + 0.5 * box_.height};
     z_ = predicted_z_;  // who is without depth for a frame has not gone elsewhere
@@ -275,6 +263,23 @@ class RememberedObject {
                                [z](const Point& p) { return p.z > 0 && std::abs(p.z - z) < 0.5f; }),
                 ring_.end());
     predicted_z_ = z_;
+  }
+
+  void sample_points(const cv::Rect& around, int step, const DepthView& depth) {
+    inside_.clear(), ring_.clear();
+    for (int y = around.y + step / 2; y < around.y + around.height; y += step) {
+      const std::uint16_t* row = depth.empty() ? nullptr : depth.row(y);
+      const bool in_rows = y >= box_.y && y < box_.y + box_.height;
+      const uchar* mask =
+          mask_.data() + (in_rows ? static_cast<std::ptrdiff_t>(y - box_.y) * box_.width : 0);
+      for (int x = around.x + step / 2; x < around.x + around.width; x += step) {
+        const bool inside =
+            in_rows && x >= box_.x && x < box_.x + box_.width && mask[x - box_.x] != 0;
+        (inside ? inside_ : ring_)
+            .push_back(
+                {static_cast<float>(x), static_cast<float>(y), row ? depth.to_m(row[x]) : 0.0f});
+      }
+    }
   }
 
   cv::Rect box_;
