@@ -19,6 +19,10 @@ namespace stillpoint {
 /// rays of the camera. 16-bit images are not copied; CV_32FC1 is turned into millimetres once.
 class DepthView {
  public:
+  /// Closer than this, metres, cameras begin to measure nothing: a hole does not tell what is
+  /// there.
+  static constexpr float kSurelyMeasuredM = 1;
+
   /// Refers to the frame's data, which must outlive the view. O(1) for 16-bit depth, O(pixels) for
   /// 32F.
   void set(const RgbdFrame& frame, const Camera& camera) {

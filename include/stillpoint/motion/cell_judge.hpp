@@ -9,6 +9,7 @@
 
 #include "stillpoint/core/cell_labels.hpp"
 #include "stillpoint/core/config.hpp"
+#include "stillpoint/core/depth_view.hpp"
 #include "stillpoint/motion/cell_projection.hpp"
 #include "stillpoint/motion/depth_cells.hpp"
 #include "stillpoint/motion/depth_key_view.hpp"
@@ -74,8 +75,6 @@ class CellJudge {
   static constexpr int kEnoughViews = 3;
   static constexpr double kSettledS = 0.3;
   static constexpr float kNever = 1e9f;  // m/s, of what does not recede
-  // Sensors measure nothing close by either: so near, a hole does not tell what was there.
-  static constexpr float kSurelyMeasuredM = 1;
   static constexpr float kFreeMarginM = 0.02f;
   static constexpr double kRecedingFromS = 0.15, kRecedingToS = 0.7;
   static constexpr float kSlowestMS = 0.2f, kFastestMS = 2, kSteady = 1.7f;
@@ -159,7 +158,7 @@ class CellJudge {
     const int* stood_alone = row.alone.data();
     for (std::size_t x = 0; x < n; ++x) {
       const float free_by = free_to[x] - z[x] - kFreeMarginM, behind_by = z[x] - surface[x];
-      const int sure = (surface[x] > DepthKeyView::kHole) | (z[x] > kSurelyMeasuredM);
+      const int sure = (surface[x] > DepthKeyView::kHole) | (z[x] > DepthView::kSurelyMeasuredM);
       const int free = (free_by > 0) & (free_by * free_by > step2[x]) & sure;
       const int same = (score[x] <= 0) & (behind_by * behind_by < step2[x]) & (1 - free);
       score[x] += 2 * free - same;

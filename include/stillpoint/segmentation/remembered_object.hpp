@@ -214,14 +214,13 @@ class RememberedObject {
   float depth_m() const { return z_; }
   /// Whether depth can tell where it is: its pixels were measured in the last frame that showed it
   /// and had depth, or once, and not so close that cameras begin to fail.
-  bool measurable() const { return measured_ || z_ > kSurelyMeasuredM; }
+  bool measurable() const { return measured_ || z_ > DepthView::kSurelyMeasuredM; }
   float predicted_depth_m() const { return predicted_z_; }
   /// How far the last predict() carried its centre across the image, pixels.
   double displacement_px() const { return displacement_px_; }
 
  private:
   static constexpr std::size_t kEnoughPoints = 12, kFewestDepths = 5;
-  static constexpr float kSurelyMeasuredM = 1;
 
   static Eigen::Vector3d ray_of(const Lens& lens, const Eigen::Vector2d& pixel) {
     return lens.ray(static_cast<float>(pixel.x()), static_cast<float>(pixel.y()))
@@ -265,6 +264,7 @@ class RememberedObject {
     predicted_z_ = z_;
   }
 
+  // Every `step`-th pixel of every `step`-th row.
   void sample_points(const cv::Rect& around, int step, const DepthView& depth) {
     inside_.clear(), ring_.clear();
     for (int y = around.y + step / 2; y < around.y + around.height; y += step) {
