@@ -69,7 +69,6 @@ TEST(RememberedObject, DrawsTurnedAndScaledMasksPixelByPixel) {
 // What is left of somebody behind somebody else: 5 pixels in each row of a large box.
 TEST(RememberedObject, LooksMoreCloselyAtThinMasks) {
   Instance instance;
-  instance.class_name = "person";
   instance.box = cv::Rect(60, 20, 200, 200);
   instance.mask = cv::Mat::zeros(instance.box.size(), CV_8UC1);
   for (int y = 0; y < 200; ++y) instance.mask.row(y).colRange(y / 2, y / 2 + 5).setTo(255);
@@ -77,11 +76,14 @@ TEST(RememberedObject, LooksMoreCloselyAtThinMasks) {
   frame.color = cv::Mat(240, 320, CV_8UC1, cv::Scalar(90));
   FrameContext context;
   context.begin(frame, Camera());
-  RememberedObject object;
-  object.observe(context, DepthView(), instance, nullptr);
-  EXPECT_GE(object.inside().size(), 12u);
-  EXPECT_NEAR(object.center().x, 60 + 52, 5);
-  EXPECT_NEAR(object.center().y, 20 + 100, 5);
+  for (const char* name : {"person", ""}) {
+    instance.class_name = name;
+    RememberedObject object;
+    object.observe(context, DepthView(), instance, nullptr);
+    EXPECT_GE(object.inside().size(), 12u) << name;
+    EXPECT_NEAR(object.center().x, 60 + 52, 5) << name;
+    EXPECT_NEAR(object.center().y, 20 + 100, 5) << name;
+  }
 }
 
 }  // namespace

@@ -434,10 +434,10 @@ TEST(SegmentationCompensator, CarriesOnWhatWalksAway) {
     }
     return n;
   };
-  EXPECT_GE(restored(0.5, true), 60);
-  EXPECT_LT(restored(0.5, true), 90) << "a mask that slides along a wall recedes, too";
+  EXPECT_GE(restored(0.4, true), 60);
+  EXPECT_LT(restored(0.4, true), 90) << "a mask that slides along a wall recedes, too";
   EXPECT_LT(restored(0, true), 30);
-  EXPECT_LT(restored(0.5, false), 30) << "the camera may have gone";
+  EXPECT_LT(restored(0.4, false), 30) << "the camera may have gone";
 }
 
 TEST(SegmentationCompensator, DoesNotCarryOnWhatHasNoNameWhereDepthShowsNothingOfIt) {
@@ -790,6 +790,27 @@ TEST(SegmentationCompensator, RemembersRefinedMasks) {
     other.compensator.remember(context, {box_instance({100, 60, 100, 150}, other.scene.size)});
   }
   EXPECT_GT(other.iou_at(0, {walker}, other.show(0.067, {}, {walker})), 0.95);
+}
+
+TEST(SegmentationCompensator, ForgetsWhatWasCarriedOntoAnotherSurface) {
+  // Somebody is missed in the frame in which a part of him is hidden; the fusion keeps a part of
+  // what was carried on. Whether that is carried on in the frame after.
+  const Walker walker{140, 80, 0, 0};
+  const cv::Rect whole = walker.at(0).box, seen(whole.x, whole.y, 24, whole.height),
+                 wall(seen.br().x, whole.y, 12, whole.height);
+  const auto carried_on = [&](const cv::Rect& kept) {
+    Show show;
+    for (const double t : {0.0, 0.033, 0.067}) show.show(t, {walker});
+    const std::vector<Figure> half = {{seen, walker.depth_m, walker.texture}};
+    FrameContext context;
+    context.begin(show.scene.frame(kStart + 0.1, half), Camera());
+    EXPECT_EQ(show.compensator.mend(context, result({})).instances.size(), 1u);
+    show.compensator.remember(context, {box_instance(kept, show.scene.size)});
+    context.begin(show.scene.frame(kStart + 0.133, half), Camera());
+    return !show.compensator.mend(context, result({})).instances.empty();
+  };
+  EXPECT_TRUE(carried_on(seen));
+  EXPECT_FALSE(carried_on(wall));
 }
 
 TEST(SegmentationCompensator, RefusesToRememberOtherInstances) {

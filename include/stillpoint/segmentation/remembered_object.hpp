@@ -53,9 +53,10 @@ class RememberedObject {
   bool alive = true;
 
   /// Takes over what a frame shows of the object: `instance`, where `limit` (unless null or a bare
-  /// box) covers it too. `depth` is the frame's or empty. Copies the mask; O(box).
-  void observe(const FrameContext& context, const DepthView& depth, const Instance& instance,
-               const Instance* limit) {
+  /// box) covers it too; `depth`: the frame's or empty. Returns by how many metres it is farther
+  /// than predicted (0: unknown). Copies the mask; O(box).
+  float observe(const FrameContext& context, const DepthView& depth, const Instance& instance,
+                const Instance* limit) {
     class_name = instance.class_name;
     score = instance.score;
     if (limit && limit->mask.empty()) limit = nullptr;
@@ -74,7 +75,9 @@ class RememberedObject {
       patch_.clear();
     const float expected_z = predicted_z_;
     sample_points(context.size(), depth);
-    if (camera_known_ && z_ > 0 && expected_z > 0) depth_motion_m_ += z_ - expected_z;
+    const float farther_m = z_ > 0 && expected_z > 0 ? z_ - expected_z : 0;
+    if (camera_known_) depth_motion_m_ += farther_m;
+    return farther_m;
   }
 
   /// How far it has moved by itself away from the camera, or towards it, since
@@ -229,7 +232,7 @@ class RememberedObject {
   }
 
   // Pixels spread over the mask, and pixels around it that show something else: more closely where
-  // a thin mask in a large box is hardly met. What has no name is found again by its motion.
+  // a thin mask in a large box is hardly met.
   void sample_points(const cv::Size& size, const DepthView& depth) {
     const int margin = std::max(6, std::min(box_.width, box_.height) / 5);
     const cv::Rect around = cv::Rect(box_.x - margin, box_.y - margin, box_.width + 2 * margin,
@@ -237,18 +240,15 @@ class RememberedObject {
                             cv::Rect(cv::Point(), size);
     const int step = std::max(2, static_cast<int>(std::sqrt(around.area() / 300.0)));
     sample_points(around, step, depth);
-    if (inside_.size() < kEnoughPoints && step > 2 && !class_name.empty())
-      sample_points(around, std::max(2, step / 2), depth);
+    if (inside_.size() < kEnoughPoints) sample_points(around, std::max(2, step / 2), depth);
     depths_.clear();
     cv::Point2d sum;
     for (const Point& p : inside_) {
       sum += cv::Point2d(static_cast<double>(p.x), static_cast<double>(p.y));
       if (p.z > 0) depths_.push_back(p.z);
     }
-    if (!inside_.empty())
-      center_ = sum / static_cast<double>(inside_.size());
-    else
-      center_ = {box_.x + 0.5 * box_.width, box_.y + 0.5 * box_.height};
+    center_ = inside_.empty() ? cv::Point2d(box_.x + 0.5 * box_.width, box_.y + 0.5 * box_.height)
+                              : sum / static_cast<double>(inside_.size());
     z_ = predicted_z_;  // who is without depth for a frame has not gone elsewhere
     if (!depth.empty()) measured_ = depths_.size() >= kFewestDepths;
     if (depths_.size() >= kFewestDepths) {

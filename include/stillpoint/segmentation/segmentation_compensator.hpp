@@ -115,8 +115,9 @@ class SegmentationCompensator {
       ids_[i] = object.id;
       if (!object.alive) continue;
       if (i < given_) object.once_s = once_s_;
-      object.observe(context, depth, refined[i], &output_.instances[i]);
-      if (object.inside().size() >= kFewestPoints)
+      const float farther_m = object.observe(context, depth, refined[i], &output_.instances[i]);
+      const bool elsewhere = i >= given_ && std::abs(farther_m) > kOtherSurfaceM;
+      if (!elsewhere && object.inside().size() >= kFewestPoints)
         object.add_place(context.frame.timestamp, settings_.corner_history,
                          static_cast<std::size_t>(settings_.history));
       else
@@ -148,6 +149,7 @@ class SegmentationCompensator {
 
  private:
   static constexpr std::size_t kFewestPoints = 4;
+  static constexpr float kOtherSurfaceM = 0.7f;  // farther off than an arm reaches
 
   void begin(const FrameContext& context, const Segmentation& segmentation) {
     const RgbdFrame& frame = context.frame;
