@@ -140,11 +140,7 @@ inline const Scene& rendered_scene() {
     const int first = quarter_covered(settings);
     for (int i = first; i < first + 8; ++i) {
       const SyntheticFrame rendered = sequence.frame(i);
-      RgbdFrame frame;
-      frame.color = rendered.color;
-      frame.depth = rendered.depth;
-      frame.timestamp = rendered.timestamp;
-      frame.depth_units_per_m = s.camera.depth_units_per_m;
+      RgbdFrame frame = sequence.rgbd(rendered);
       cv::cvtColor(frame.color, frame.gray, cv::COLOR_BGR2GRAY);
       s.frames.push_back(frame);
       Segmentation segmentation;

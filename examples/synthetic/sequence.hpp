@@ -6,6 +6,7 @@
 #include <opencv2/core.hpp>
 
 #include "stillpoint/core/camera.hpp"
+#include "stillpoint/core/frame.hpp"
 #include "stillpoint/testing/degraded_masks.hpp"
 #include "synthetic/camera.hpp"
 #include "synthetic/movers.hpp"
@@ -46,6 +47,13 @@ class SyntheticSequence {
   /// Renders a frame: about 0.1 s at 640 x 480, more the more it is blurred. Throws Error for a
   /// number out of range. Safe from several threads.
   SyntheticFrame frame(int index) const;
+
+  /// What a camera gives of a rendered frame, none of its truth. Refers to its images.
+  RgbdFrame rgbd(const SyntheticFrame& frame) const {
+    RgbdFrame rgbd{frame.color, frame.depth, frame.timestamp};
+    rgbd.depth_units_per_m = camera_.depth_units_per_m;
+    return rgbd;
+  }
 
   /// How far the parts of a person move across the image during the exposure of a frame, mean
   /// in pixels, whether in view or not; without rendering. The same for a mover's label.

@@ -6,7 +6,6 @@
 #include <cstdint>
 #include <opencv2/imgproc.hpp>
 
-#include "stillpoint/core/frame.hpp"
 #include "stillpoint/front_end.hpp"
 #include "stillpoint/motion/ego_motion.hpp"
 #include "synthetic/sequence.hpp"
@@ -23,12 +22,8 @@ TEST(EgoMotion, IsNotCarriedAlongByPeople) {
     settings.carried_object = false, settings.pillar = true;
     const SyntheticSequence sequence(settings);
     FrontEnd front_end({}, sequence.camera());
-    for (int i = 0; i < sequence.frame_count(); ++i) {
-      const SyntheticFrame rendered = sequence.frame(i);
-      RgbdFrame frame{rendered.color, rendered.depth, rendered.timestamp};
-      frame.depth_units_per_m = sequence.camera().depth_units_per_m;
-      front_end.compute_mask(frame, Segmentation());
-    }
+    for (int i = 0; i < sequence.frame_count(); ++i)
+      front_end.compute_mask(sequence.rgbd(sequence.frame(i)), Segmentation());
     EXPECT_LT(front_end.ego_motion().pose().translation().norm(), 0.02) << "seed " << seed;
   }
 }
@@ -47,9 +42,7 @@ TEST(MotionCheck, FindsALargeCartonThatMovesInItsOwnPlane) {
   int frames = 0;
   for (int i = 0; i < 30; ++i) {
     const SyntheticFrame rendered = sequence.frame(i);
-    RgbdFrame frame{rendered.color, rendered.depth, rendered.timestamp};
-    frame.depth_units_per_m = sequence.camera().depth_units_per_m;
-    const cv::Mat mask = front_end.compute_mask(frame, Segmentation()).image;
+    const cv::Mat mask = front_end.compute_mask(sequence.rgbd(rendered), Segmentation()).image;
     if (i < 15) continue;  // at first it is slow
     const cv::Mat carton = rendered.labels == 101, others = rendered.labels != 0;
     cv::Mat beside;

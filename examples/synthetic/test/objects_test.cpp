@@ -63,13 +63,11 @@ ObjectMetrics judge(const Case& c, Hidden* hidden = nullptr) {
   ObjectMetrics metrics(1);
   for (int i = 0; i < sequence.frame_count(); ++i) {
     const SyntheticFrame rendered = sequence.frame(i);
-    RgbdFrame frame{rendered.color, rendered.depth, rendered.timestamp};
-    frame.depth_units_per_m = sequence.camera().depth_units_per_m;
     Segmentation given;
     given.available = c.every > 0 && i % c.every == 0;
     if (given.available)
       given.instances = instances_from_labels(degraded_masks(sequence, rendered, i));
-    front_end.compute_mask(frame, given);
+    front_end.compute_mask(sequence.rgbd(rendered), given);
     front_end.correct_pose(rendered.T_world_camera);
     if (hidden) hidden->add(rendered);
 
