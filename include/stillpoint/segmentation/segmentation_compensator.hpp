@@ -3,6 +3,7 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <limits>
 #include <opencv2/core.hpp>
@@ -154,8 +155,7 @@ class SegmentationCompensator {
   void begin(const FrameContext& context, const Segmentation& segmentation) {
     const RgbdFrame& frame = context.frame;
     detail::check_time_is_set(last_s_, frame.timestamp);
-    status_ = kOk;
-    restored_ = 0;
+    status_ = kOk, restored_ = 0;
     // A depth image that is black all over tells no more than none at all.
     has_depth_ = settings_.use_depth && context.depth.any_measured(segmentation.instances);
     if (frame.timestamp <= last_s_) reset(), status_ |= kTimestampOrder;
