@@ -106,8 +106,10 @@ class ObjectRegion {
   // Calls `visit(cell, state)`.
   template <class Visit>
   void for_each_used(Visit&& visit) {
-    for (cv::Point cell = used_.tl(); cell.y < used_.br().y; ++cell.y)
-      for (cell.x = used_.x; cell.x < used_.br().x; ++cell.x) visit(cell, (*states_)(cell));
+    for (cv::Point cell = used_.tl(); cell.y < used_.br().y; ++cell.y) {
+      std::uint8_t* states = (*states_)[cell.y];
+      for (cell.x = used_.x; cell.x < used_.br().x; ++cell.x) visit(cell, states[cell.x]);
+    }
   }
   template <class Visit>
   void for_each_beside(const cv::Point& center, Visit&& visit) {

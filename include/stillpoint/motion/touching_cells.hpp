@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <iterator>
 #include <opencv2/core.hpp>
 #include <vector>
 
@@ -69,18 +71,28 @@ class TouchingCells {
   // as well as across them, as people are straight, too, from foot to head. From each corner of the
   // image once, so that it goes on from cell to cell.
   void release_planes(const DepthCells& cells, const std::vector<std::uint8_t>& dynamic) {
-    cv::Rect box;  // of all that touches
-    for (const Visit& visit : queue_) box |= cv::Rect(visit.x, visit.y, 1, 1);
-    for (const bool from_below : {false, true})
-      for (const bool from_right : {false, true})
-        for (int j = 0; j < box.height; ++j)
-          for (int i = 0; i < box.width; ++i) {
-            const int x = from_right ? box.br().x - 1 - i : box.x + i;
-            const int y = from_below ? box.br().y - 1 - j : box.y + j;
-            const std::size_t cell = cells.index(x, y);
-            if (touching_[cell] != 0 && dynamic[cell] == 0 && continues_planes(cells, x, y))
-              touching_[cell] = 0;
-          }
+    collect(cells, dynamic);
+    const auto release = [&](const cv::Point& at) {
+      std::uint8_t& touching = touching_[cells.index(at.x, at.y)];
+      if (touching != 0 && continues_planes(cells, at.x, at.y)) touching = 0;
+    };
+    std::for_each(rightward_.begin(), rightward_.end(), release);
+    std::for_each(leftward_.begin(), leftward_.end(), release);
+    std::for_each(leftward_.rbegin(), leftward_.rend(), release);
+    std::for_each(rightward_.rbegin(), rightward_.rend(), release);
+  }
+
+  // The cells that touch what is dynamic, row by row, each row rightward and leftward.
+  void collect(const DepthCells& cells, const std::vector<std::uint8_t>& dynamic) {
+    rightward_.clear(), leftward_.clear();
+    for (int y = 0; y < cells.height; ++y) {
+      const auto begin = static_cast<std::ptrdiff_t>(rightward_.size());
+      for (int x = 0; x < cells.width; ++x)
+        if (touching_[cells.index(x, y)] != 0 && dynamic[cells.index(x, y)] == 0)
+          rightward_.push_back({x, y});
+      std::reverse_copy(rightward_.begin() + begin, rightward_.end(),
+                        std::back_inserter(leftward_));
+    }
   }
 
   bool continues_planes(const DepthCells& cells, int x, int y) const {
@@ -105,6 +117,7 @@ class TouchingCells {
   SensorModel sensor_;
   std::vector<std::uint8_t> touching_;
   std::vector<Visit> queue_;
+  std::vector<cv::Point> rightward_, leftward_;  // see collect()
 };
 
 }  // namespace stillpoint
