@@ -60,6 +60,42 @@ TEST(SlamSystem, CorrectsTheStartOfASlowCamera) {
   expect_corrected(small_settings(), 20 / 30.0, 10);
 }
 
+// Of a camera that turns by 60 degrees per second, and of whose first frames few keypoints are
+// kept: the frames with less than 0.7 times the matches right after the newest keyframe.
+struct Fallen {
+  int frames = 0, keyframes = 0;
+};
+
+Fallen turn_after_a_thin_start(const SlamSystem::Settings& settings) {
+  SlamSystem slam(camera(), settings);
+  Fallen fallen;
+  int known = 0, since = 0;
+  for (int step = 0; step < 40; ++step) {
+    Eigen::Isometry3d T = path(0);
+    T.rotate(Eigen::AngleAxisd(step * std::acos(-1.0) / 90, Eigen::Vector3d::UnitY()));
+    const RgbdFrame frame = render(T, step / 30.0);
+    Selection selection = keep_all(slam.extract(frame, {}).size());
+    if (step < 8) selection.kept.resize(selection.kept.size() / 3);
+    EXPECT_TRUE(slam.track(frame, {}, selection)) << step;
+    const auto& stats = slam.stats();
+    if (since == 1) known = stats.inliers;
+    if (since > 1 && stats.inliers < 0.7 * known)
+      ++fallen.frames, fallen.keyframes += stats.keyframe;
+    since = stats.keyframe ? 1 : since + 1;
+  }
+  return fallen;
+}
+
+TEST(SlamSystem, MakesAKeyframeWhereMatchesFallThoughItsReferenceKnowsLittle) {
+  SlamSystem::Settings settings = small_settings();
+  const Fallen fallen = turn_after_a_thin_start(settings);
+  EXPECT_GT(fallen.frames, 0);
+  EXPECT_EQ(fallen.keyframes, fallen.frames);
+  settings.tracking.fallen_ratio = 0;
+  const Fallen without = turn_after_a_thin_start(settings);
+  EXPECT_LT(without.keyframes, without.frames);
+}
+
 TEST(SlamSystem, LeavesTheStartOfAnOdometryAsItWasTracked) {
   const Start start =
       start_among_movers(small_settings(SlamSystem::Settings::odometry()), 8 / 30.0, 30);

@@ -31,8 +31,9 @@ class MapTracking {
     /// Keypoints with depth that the first frame needs.
     int min_start_points = 80;
     /// A keyframe is due when the matches fall below this share of those of the reference
-    /// keyframe's points, at the latest after so many seconds; at the earliest after `min`.
-    double keyframe_ratio = 0.95;
+    /// keyframe's points, or below `fallen_ratio` of those right after the newest keyframe; at the
+    /// latest after so many seconds; at the earliest after `min`.
+    double keyframe_ratio = 0.95, fallen_ratio = 0.7;
     double max_keyframe_gap_s = 0.5, min_keyframe_gap_s = 1.0 / 15;
     /// The map is started anew when it is lost for so long with fewer keyframes than that.
     double restart_after_s = 1;
@@ -79,6 +80,7 @@ class MapTracking {
       if (!ok || leaps)
         ok = find_anywhere(map, index, leaps ? kSureInliers : settings_.min_relocalized);
       if (ok) count_sightings(map);
+      if (after_keyframe_) inliers_after_keyframe_ = stats_.inliers;
       if (ok && keyframe_due(map, mapper_busy)) insert_keyframe(map);
     }
     if (ok) {
@@ -224,7 +226,9 @@ class MapTracking {
     for (const PointId id : map.keyframe(local_.reference)->points)
       if (const MapPoint* p = map.point(id))
         reference_points += static_cast<int>(p->observations.size()) >= min_observations;
-    const bool weak = stats_.inliers < settings_.keyframe_ratio * reference_points;
+    // A reference that knows little, as one from a start among people, never calls for another.
+    const bool weak = stats_.inliers < settings_.keyframe_ratio * reference_points ||
+                      stats_.inliers < settings_.fallen_ratio * inliers_after_keyframe_;
     const bool very_weak = stats_.inliers < 0.3 * reference_points || stats_.inliers < 60;
     if (mapper_busy) return very_weak && passed(keyframe_s_, kBusyGapS);
     return weak || very_weak || passed(keyframe_s_, settings_.max_keyframe_gap_s);
@@ -266,6 +270,7 @@ class MapTracking {
   KeyframeId newest_keyframe_;
   bool tracking_ = false, after_keyframe_ = false;
   double now_s_ = 0, last_s_ = 0;       // this frame's time: our own, and its timestamp
+  int inliers_after_keyframe_ = 0;      // of the frame after the newest keyframe
   double tracked_s_ = 0;                // when a frame was tracked last
   double keyframe_s_ = 0;               // when the newest keyframe was made
   std::optional<double> lost_since_s_;  // the first lost frame's

@@ -58,6 +58,7 @@ class SlamSystem final : public Tracker {
     static Settings odometry() {
       Settings settings;
       settings.tracking.keyframe_ratio = 0.7;
+      settings.tracking.fallen_ratio = 0;
       settings.mapping.bundle_keyframes = 3;
       settings.loops.enabled = false;
       settings.revise_poses = false;
