@@ -269,8 +269,8 @@ class MapTracking {
   Stats stats_;
   KeyframeId newest_keyframe_;
   bool tracking_ = false, after_keyframe_ = false;
-  double now_s_ = 0, last_s_ = 0;       // this frame's time: our own, and its timestamp
   int inliers_after_keyframe_ = 0;      // of the frame after the newest keyframe
+  double now_s_ = 0, last_s_ = 0;       // this frame's time: our own, and its timestamp
   double tracked_s_ = 0;                // when a frame was tracked last
   double keyframe_s_ = 0;               // when the newest keyframe was made
   std::optional<double> lost_since_s_;  // the first lost frame's
