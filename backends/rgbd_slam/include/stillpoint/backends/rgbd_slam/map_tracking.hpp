@@ -80,7 +80,7 @@ class MapTracking {
       if (!ok || leaps)
         ok = find_anywhere(map, index, leaps ? kSureInliers : settings_.min_relocalized);
       if (ok) count_sightings(map);
-      if (after_keyframe_) inliers_after_keyframe_ = stats_.inliers;
+      if (ok && inliers_after_keyframe_ == 0) inliers_after_keyframe_ = stats_.inliers;
       if (ok && keyframe_due(map, mapper_busy)) insert_keyframe(map);
     }
     if (ok) {
@@ -256,6 +256,7 @@ class MapTracking {
     map.update_connections(k.id);
     newest_keyframe_ = k.id;
     keyframe_s_ = now_s_;
+    inliers_after_keyframe_ = 0;
     stats_.keyframe = true;
   }
 
@@ -269,7 +270,7 @@ class MapTracking {
   Stats stats_;
   KeyframeId newest_keyframe_;
   bool tracking_ = false, after_keyframe_ = false;
-  int inliers_after_keyframe_ = 0;      // of the frame after the newest keyframe
+  int inliers_after_keyframe_ = 0;      // of the first tracked frame after it; 0: none yet
   double now_s_ = 0, last_s_ = 0;       // this frame's time: our own, and its timestamp
   double tracked_s_ = 0;                // when a frame was tracked last
   double keyframe_s_ = 0;               // when the newest keyframe was made
