@@ -66,7 +66,7 @@ class ObjectRegion {
     };
     visits_.clear();
     for_each_used([&](const cv::Point& cell, const std::uint8_t& state) {
-      if (state == kRegion) visits_.push_back({cell, 0});
+      if (state == kRegion && !is_amid_region(cell)) visits_.push_back({cell, 0});
     });
     for (std::size_t k = 0; k < visits_.size(); ++k) {
       const Visit from = visits_[k];
@@ -101,6 +101,15 @@ class ObjectRegion {
     if (!floor_->found) return false;
     const Eigen::Vector2f ray = samples_->depth().ray(samples_->place(cell));
     return (z(cell) + 0.02f) * floor_->inverse_depth(ray.x(), ray.y()) > 0.985f;
+  }
+
+  // Whether all four cells beside are the region's, too: it does not grow from here.
+  bool is_amid_region(const cv::Point& cell) const {
+    if (cell.y == limits_.y || cell.y + 1 == limits_.br().y) return false;
+    if (cell.x == limits_.x || cell.x + 1 == limits_.br().x) return false;
+    const std::uint8_t* here = (*states_)[cell.y] + cell.x;
+    return here[-1] == kRegion && here[1] == kRegion && (*states_)[cell.y - 1][cell.x] == kRegion &&
+           (*states_)[cell.y + 1][cell.x] == kRegion;
   }
 
   // Calls `visit(cell, state)`.
