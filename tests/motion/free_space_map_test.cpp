@@ -206,13 +206,23 @@ DepthCells with_hole(float depth_m, const cv::Rect& hole) {
 
 class Holes : public FreeSpace {
  protected:
-  // What is said of the hole's middle, after a wall at the end of the range and then `earlier` were
-  // seen, when something stands there `depth_m` away.
-  CellLabel after(const DepthCells& earlier, float depth_m,
-                  const std::vector<std::uint8_t>& dynamic) {
+  // Lets the map see the end of the range, and forget all but that.
+  void learn_range() {
     map_.add({-2, Eigen::Isometry3d::Identity(), kExact}, wall(4),
              std::vector<std::uint8_t>(1200, 1));
-    map_.clear();  // the range stays known
+    map_.clear();
+  }
+  // What is said of the hole's middle, after a wall at the end of the range and then `earlier`, for
+  // a second, were seen, when something stands there `depth_m` away.
+  CellLabel after(const DepthCells& earlier, float depth_m,
+                  const std::vector<std::uint8_t>& dynamic, double since_s = -1) {
+    learn_range();
+    map_.add({since_s, Eigen::Isometry3d::Identity(), kExact}, earlier, dynamic);
+    return now(earlier, depth_m, dynamic);
+  }
+  // The same, of what the map has seen so far and `earlier`.
+  CellLabel now(const DepthCells& earlier, float depth_m,
+                const std::vector<std::uint8_t>& dynamic) {
     map_.add({0, Eigen::Isometry3d::Identity(), kExact}, earlier, dynamic);
     DepthCells now = earlier;
     now.depth_m[now.index(20, 15)] = depth_m;
@@ -237,6 +247,31 @@ TEST_F(Holes, AmidNearSurfacesOrSmallSayNothing) {
   EXPECT_EQ(after(with_hole(3.8f, small_), 2), CellLabel::kUnknown);
 }
 
+// Who passes right before the lens is a hole, too, with the wall beside him as its border.
+TEST_F(Holes, SayNothingForTheFirstSecond) {
+  const std::vector<std::uint8_t> none(1200, 0);
+  EXPECT_EQ(after(with_hole(3.8f, large_), 2, none, -0.8), CellLabel::kUnknown);
+  EXPECT_EQ(after(with_hole(3.8f, large_), 2, none, -1), CellLabel::kMoved);
+}
+
+TEST_F(Holes, StandInSpaceWhileTheCameraRotates) {
+  const std::vector<std::uint8_t> none(1200, 0);
+  const cv::Rect aside = large_ + cv::Point(10, 0);  // without the large one's middle
+  DepthShot before{-1, Eigen::Isometry3d::Identity(), kExact};
+  before.T_map_depth.rotate(
+      Eigen::AngleAxisd(-std::atan(10 / wall(4).fx), Eigen::Vector3d::UnitY()));
+  learn_range();
+  map_.add(before, with_hole(3.8f, aside), none);
+  EXPECT_EQ(now(with_hole(3.8f, large_), 2, none), CellLabel::kMoved);
+  // The same place in the image is another in space: there was a small hole, which says nothing.
+  learn_range();
+  DepthCells other = with_hole(3.8f, large_);
+  for (int y = 12; y < 19; ++y)
+    for (int x = 29; x < 33; ++x) other.depth_m[other.index(x, y)] = -1;
+  map_.add(before, other, none);
+  EXPECT_EQ(now(with_hole(3.8f, large_), 2, none), CellLabel::kUnknown);
+}
+
 TEST_F(Holes, SayNothingInARoomShorterThanTheRange) {
   SensorModel sensor;
   sensor.max_range_m = 5;
@@ -252,13 +287,15 @@ TEST_F(Holes, SayNothingWhereTheDepthCameraDoesNotSee) {
   for (int y = 0; y < now.height; ++y)
     for (int x = 30; x < now.width; ++x) now.depth_m[now.index(x, y)] = 2;
   const std::size_t in_margin = now.index(35, 15);
-  map_.add({0, Eigen::Isometry3d::Identity(), kExact}, frame, none);
+  for (const double s : {-1.0, 0.0})
+    map_.add({s, Eigen::Isometry3d::Identity(), kExact}, frame, none);
   EXPECT_EQ(judge(forward(0), now)[in_margin], CellLabel::kUnknown);
   // Where it has measured anything, it is no margin.
   map_.add({0.05, Eigen::Isometry3d::Identity(), kExact}, wall(3.9f),
            std::vector<std::uint8_t>(frame.size(), 1));
   map_.clear();
-  map_.add({0, Eigen::Isometry3d::Identity(), kExact}, frame, none);
+  for (const double s : {-1.0, 0.0})
+    map_.add({s, Eigen::Isometry3d::Identity(), kExact}, frame, none);
   EXPECT_EQ(judge(forward(0), now)[in_margin], CellLabel::kMoved);
 }
 

@@ -46,7 +46,7 @@ class FreeSpaceMap {
     next_ = (next_ + 1) % kCapacity;
     count_ = std::min(count_ + 1, kCapacity);
     view.shot = shot;
-    fill(shot.timestamp, cells, dynamic, view);
+    fill(shot, cells, dynamic, view);
     view.alone.create(view.surface_m.size());
     for (std::size_t i = 0; i < cells.size(); ++i)
       view.alone.data[i] = touching.empty() || touching[i] == 0;
@@ -98,24 +98,26 @@ class FreeSpaceMap {
   static constexpr double kMemoryS = 1.7, kLeastStepS = 0.0325;
   static constexpr std::size_t kCapacity = 52;  // kMemoryS / kLeastStepS
   static constexpr float kSurelyInRange = 0.8f;
+  static constexpr double kStandsS = 1;
 
   // Surfaces and free space of a new image. Nothing is known at the rim: it stands for all beyond.
-  void fill(double timestamp, const DepthCells& cells, const std::vector<std::uint8_t>& dynamic,
-            DepthKeyView& view) {
+  void fill(const DepthShot& shot, const DepthCells& cells,
+            const std::vector<std::uint8_t>& dynamic, DepthKeyView& view) {
     const cv::Mat_<float> depth(cells.height, cells.width,
                                 const_cast<float*>(cells.depth_m.data()));
     // A place is free as far as all cells around saw through it.
     cv::erode(depth, view.free_to_m, cv::Mat(), cv::Point(-1, -1), 1, cv::BORDER_CONSTANT, 0);
     view.surface_m.create(depth.size());
-    const std::vector<std::uint8_t>& far = holes_.find(timestamp, cells, dynamic);
+    const std::vector<std::uint8_t>& far = holes_.find(shot.timestamp, cells, dynamic);
     const float hole_free_to_m = kSurelyInRange * holes_.range_m();
+    find_standing(shot, cells, far, hole_free_to_m);
     float *surface = view.surface_m.ptr<float>(), *free_to = view.free_to_m.ptr<float>();
     for (std::size_t i = 0; i < cells.size(); ++i) {
       const float z = cells.depth_m[i];
       const bool is_static = (z > 0) & (dynamic[i] == 0);
       surface[i] = is_static ? z : DepthKeyView::kNoSurface;
       surface[i] = far[i] != 0 ? DepthKeyView::kHole : surface[i];
-      free_to[i] = far[i] != 0 ? hole_free_to_m : free_to[i];
+      free_to[i] = standing_[i] != 0 ? hole_free_to_m : free_to[i];
     }
     const auto set_rim = [](cv::Mat_<float>& image, float value) {
       for (const int x : {0, image.cols - 1})
@@ -125,6 +127,31 @@ class FreeSpaceMap {
     };
     set_rim(view.surface_m, DepthKeyView::kNoSurface);
     set_rim(view.free_to_m, 0);
+  }
+
+  // Those of the far holes that stood for a while. Who passes right before the lens is a hole, too,
+  // and may have the wall at the end of the range as its border, but only for a moment.
+  void find_standing(const DepthShot& shot, const DepthCells& cells,
+                     const std::vector<std::uint8_t>& far, float depth_m) {
+    standing_.assign(far.size(), 0);
+    if (std::find(far.begin(), far.end(), 1) == far.end()) return;
+    views_at(shot.timestamp, std::array<double, 1>{kStandsS}, compared_);
+    if (compared_.empty() || !(shot.timestamp - compared_[0]->shot.timestamp > kStandsS - 0.1))
+      return;
+    const DepthKeyView& before = *compared_[0];
+    const CellProjection projection(cells, shot, before.shot, sensor_);
+    const std::size_t n = static_cast<std::size_t>(cells.width);
+    const std::vector<float> depth(n, depth_m);
+    std::vector<int> cell(n);
+    std::vector<float> z(n), least_step2(n);
+    for (int y = 0; y < cells.height; ++y) {
+      const std::size_t first = cells.index(0, y);
+      projection.row(y, n, &cells.ray_x[first], &cells.ray_y[first], depth.data(), cell.data(),
+                     z.data(), least_step2.data());
+      for (std::size_t x = 0; x < n; ++x)
+        standing_[first + x] =
+            far[first + x] != 0 && before.surface_m.ptr<float>()[cell[x]] == DepthKeyView::kHole;
+    }
   }
 
   // How far the cells of an image are free if they may lie beside where they are drawn.
@@ -145,6 +172,7 @@ class FreeSpaceMap {
   std::vector<DepthKeyView> views_;
   std::size_t count_ = 0, next_ = 0, newest_ = 0;
   FarHoles holes_;
+  std::vector<std::uint8_t> standing_;  // see find_standing()
   std::vector<const DepthKeyView*> compared_;
   CellJudge judge_;
   cv::Mat_<float> free_;
