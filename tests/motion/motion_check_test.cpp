@@ -185,6 +185,19 @@ TEST(MotionCheck, FindsNothingInAStaticWorld) {
   EXPECT_EQ(drive({0, 0, 0}, 60, 40, false).frames_with_finds, 0);
 }
 
+// Nothing is measured of him, and the wall beside him is at the end of the range.
+TEST(MotionCheck, WhoPassesRightBeforeTheLensLeavesNoMover) {
+  CheckAlone check(small_camera());
+  const Eigen::Isometry3d still = Eigen::Isometry3d::Identity();
+  for (int i = 0; i < 60; ++i) {
+    RgbdFrame frame = render(i / 30.0, still, std::nullopt);
+    const cv::Rect hidden(24 * (i - 15) - 120, 0, 120, kHeight);
+    frame.depth(hidden & cv::Rect(0, 0, kWidth, kHeight)).setTo(0);
+    EXPECT_TRUE(check.find(frame, still).empty()) << "frame " << i;
+    check.remember(cv::Mat::zeros(kHeight, kWidth, CV_8UC1));
+  }
+}
+
 TEST(MotionCheck, SaysNothingWithoutDepthOrMotion) {
   CheckAlone check(small_camera());
   for (int i = 0; i < 20; ++i) {
