@@ -98,7 +98,8 @@ class FreeSpaceMap {
   static constexpr double kMemoryS = 1.7, kLeastStepS = 0.0325;
   static constexpr std::size_t kCapacity = 52;  // kMemoryS / kLeastStepS
   static constexpr float kSurelyInRange = 0.8f;
-  static constexpr double kStandsS = 1;
+  // A far hole stands if the view nearest to this age shows it; how old that must be.
+  static constexpr double kStandsS = 1, kLeastStandsS = 0.9;
 
   // Surfaces and free space of a new image. Nothing is known at the rim: it stands for all beyond.
   void fill(const DepthShot& shot, const DepthCells& cells,
@@ -136,21 +137,20 @@ class FreeSpaceMap {
     standing_.assign(far.size(), 0);
     if (std::find(far.begin(), far.end(), 1) == far.end()) return;
     views_at(shot.timestamp, std::array<double, 1>{kStandsS}, compared_);
-    if (compared_.empty() || !(shot.timestamp - compared_[0]->shot.timestamp > kStandsS - 0.1))
-      return;
+    if (compared_.empty()) return;
     const DepthKeyView& before = *compared_[0];
+    if (!(shot.timestamp - before.shot.timestamp > kLeastStandsS)) return;
     const CellProjection projection(cells, shot, before.shot, sensor_);
     const std::size_t n = static_cast<std::size_t>(cells.width);
-    const std::vector<float> depth(n, depth_m);
-    std::vector<int> cell(n);
-    std::vector<float> z(n), least_step2(n);
+    row_depth_m_.assign(n, depth_m);
+    row_cell_.resize(n), row_z_.resize(n), row_least_step2_.resize(n);
     for (int y = 0; y < cells.height; ++y) {
       const std::size_t first = cells.index(0, y);
-      projection.row(y, n, &cells.ray_x[first], &cells.ray_y[first], depth.data(), cell.data(),
-                     z.data(), least_step2.data());
+      projection.row(y, n, &cells.ray_x[first], &cells.ray_y[first], row_depth_m_.data(),
+                     row_cell_.data(), row_z_.data(), row_least_step2_.data());
       for (std::size_t x = 0; x < n; ++x)
-        standing_[first + x] =
-            far[first + x] != 0 && before.surface_m.ptr<float>()[cell[x]] == DepthKeyView::kHole;
+        standing_[first + x] = far[first + x] != 0 &&
+                               before.surface_m.ptr<float>()[row_cell_[x]] == DepthKeyView::kHole;
     }
   }
 
@@ -172,7 +172,10 @@ class FreeSpaceMap {
   std::vector<DepthKeyView> views_;
   std::size_t count_ = 0, next_ = 0, newest_ = 0;
   FarHoles holes_;
-  std::vector<std::uint8_t> standing_;  // see find_standing()
+  // Of find_standing(): the holes that stand, and a row of cells in the earlier view.
+  std::vector<std::uint8_t> standing_;
+  std::vector<int> row_cell_;
+  std::vector<float> row_depth_m_, row_z_, row_least_step2_;
   std::vector<const DepthKeyView*> compared_;
   CellJudge judge_;
   cv::Mat_<float> free_;
