@@ -15,9 +15,10 @@ namespace stillpoint {
 
 /// Holes in the depth through which the camera looks farther than its depth sensor reaches: large
 /// ones whose border runs, to a good part, along surfaces at the end of the range. What stands
-/// there later, nearer than that, has come. Small holes, and those amid near surfaces (black,
-/// glossy or too close), say nothing; nor does the margin where depth that is registered to color
-/// has never measured anything: the depth camera does not see it.
+/// there later, nearer than that, has come, if the hole was one for a while (FreeSpaceMap asks for
+/// that): somebody right before the lens looks the same in one frame. Small holes, and those amid
+/// near surfaces (black, glossy or too close), say nothing; nor does the margin where depth that is
+/// registered to color has never measured anything: the depth camera does not see it.
 class FarHoles {
  public:
   explicit FarHoles(const SensorModel& sensor = {})

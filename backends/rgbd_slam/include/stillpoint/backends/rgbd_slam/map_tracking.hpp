@@ -270,10 +270,10 @@ class MapTracking {
   Stats stats_;
   KeyframeId newest_keyframe_;
   bool tracking_ = false, after_keyframe_ = false;
-  int inliers_after_keyframe_ = 0;      // of the first tracked frame after it; 0: none yet
   double now_s_ = 0, last_s_ = 0;       // this frame's time: our own, and its timestamp
   double tracked_s_ = 0;                // when a frame was tracked last
   double keyframe_s_ = 0;               // when the newest keyframe was made
+  int inliers_after_keyframe_ = 0;      // of the first frame tracked since then; 0: none yet
   std::optional<double> lost_since_s_;  // the first lost frame's
 };
 
