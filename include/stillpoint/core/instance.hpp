@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "stillpoint/core/blur.hpp"
+#include "stillpoint/core/config.hpp"
 #include "stillpoint/core/error.hpp"
 #include "stillpoint/core/fill_image.hpp"
 #include "stillpoint/core/frame.hpp"
@@ -80,15 +81,15 @@ inline Instance instance_from_mask(const cv::Mat& full_mask,
 
 namespace detail {
 
+STILLPOINT_ROW_LOOP inline void set_where(const uchar* own, int n, uchar* STILLPOINT_RESTRICT all) {
+  for (int x = 0; x < n; ++x) all[x] = own[x] != 0 ? uchar{255} : all[x];
+}
+
 /// Sets `mask` to 255 in the box of an instance: where its own mask is set, or everywhere.
 inline void add_to_mask(const Instance& instance, cv::Mat& mask) {
   cv::Mat in_box = mask(instance.box);
   if (instance.mask.empty()) return fill_image(in_box, uchar{255});
-  for (int y = 0, width = in_box.cols; y < in_box.rows; ++y) {
-    const uchar* own = instance.mask.ptr(y);
-    uchar* all = in_box.ptr(y);
-    for (int x = 0; x < width; ++x) all[x] = own[x] != 0 ? uchar{255} : all[x];
-  }
+  for (int y = 0; y < in_box.rows; ++y) set_where(instance.mask.ptr(y), in_box.cols, in_box.ptr(y));
 }
 
 }  // namespace detail

@@ -97,10 +97,10 @@ class RegionPixels {
   }
 
   // These without branches, as loops of vector instructions.
-  static void add_row(const std::uint8_t* state, const std::uint16_t* units, std::size_t n,
-                      std::uint16_t* STILLPOINT_RESTRICT count,
-                      std::uint16_t* STILLPOINT_RESTRICT least,
-                      std::uint16_t* STILLPOINT_RESTRICT most) {
+  STILLPOINT_ROW_LOOP static void add_row(const std::uint8_t* state, const std::uint16_t* units,
+                                          std::size_t n, std::uint16_t* STILLPOINT_RESTRICT count,
+                                          std::uint16_t* STILLPOINT_RESTRICT least,
+                                          std::uint16_t* STILLPOINT_RESTRICT most) {
     for (std::size_t x = 0; x < n; ++x) {
       const std::uint16_t in = state[x] == kRegion ? kMost : 0;
       const std::uint16_t z = units[x] & in, far = units[x] | static_cast<std::uint16_t>(~in);
@@ -109,22 +109,24 @@ class RegionPixels {
       most[x] = z > most[x] ? z : most[x];
     }
   }
-  static void find_in_bounds(const std::uint16_t* z, const std::uint16_t* lo,
-                             const std::uint16_t* hi, int n, uchar* STILLPOINT_RESTRICT out) {
+  STILLPOINT_ROW_LOOP static void find_in_bounds(const std::uint16_t* z, const std::uint16_t* lo,
+                                                 const std::uint16_t* hi, int n,
+                                                 uchar* STILLPOINT_RESTRICT out) {
     for (int x = 0; x < n; ++x) out[x] = ((z[x] >= lo[x]) & (z[x] <= hi[x])) ? 255 : 0;
   }
-  static void add_unmeasured(const std::uint16_t* z, const uchar* among, int n,
-                             uchar* STILLPOINT_RESTRICT out) {
+  STILLPOINT_ROW_LOOP static void add_unmeasured(const std::uint16_t* z, const uchar* among, int n,
+                                                 uchar* STILLPOINT_RESTRICT out) {
     for (int x = 0; x < n; ++x) out[x] = ((z[x] == 0) & (among[x] != 0)) ? 255 : out[x];
   }
-  static void join(const uchar* above, const uchar* here, const uchar* below, int n,
-                   uchar* STILLPOINT_RESTRICT column) {
+  STILLPOINT_ROW_LOOP static void join(const uchar* above, const uchar* here, const uchar* below,
+                                       int n, uchar* STILLPOINT_RESTRICT column) {
     for (int x = 0; x < n; ++x) column[x] = above[x] | here[x] | below[x];
   }
   // At outlines cameras measure nothing: such pixels join the object right beside them. `known` and
   // `column`, which joins it with the rows above and below, begin a pixel before the others.
-  static void add_unmeasured_beside(const std::uint16_t* z, const uchar* known, const uchar* column,
-                                    int n, uchar* STILLPOINT_RESTRICT out) {
+  STILLPOINT_ROW_LOOP static void add_unmeasured_beside(const std::uint16_t* z, const uchar* known,
+                                                        const uchar* column, int n,
+                                                        uchar* STILLPOINT_RESTRICT out) {
     for (int x = 0; x < n; ++x) {
       const int beside = column[x] | column[x + 1] | column[x + 2];
       out[x] = static_cast<uchar>(known[x + 1] | (z[x] == 0 ? beside : 0));

@@ -151,8 +151,10 @@ class CellJudge {
 
   // Seen free counts two, seen filled by the same surface counts minus one. Without branches: hard
   // to foresee, and so it becomes vector instructions. At the rim, and beyond, nothing was seen.
-  static void count(const Row& row, std::size_t n, int* STILLPOINT_RESTRICT score,
-                    int* STILLPOINT_RESTRICT alone, int* STILLPOINT_RESTRICT seen) {
+  STILLPOINT_ROW_LOOP static void count(const Row& row, std::size_t n,
+                                        int* STILLPOINT_RESTRICT score,
+                                        int* STILLPOINT_RESTRICT alone,
+                                        int* STILLPOINT_RESTRICT seen) {
     const float *z = row.z.data(), *step2 = row.least_step2.data();
     const float *surface = row.surface_m.data(), *free_to = row.free_to_m.data();
     const int* stood_alone = row.alone.data();
@@ -170,9 +172,9 @@ class CellJudge {
   // Who walks straight away is never where anything was seen free: he hides behind where he was.
   // But the longer ago, the nearer his surface was, at one speed; what comes into view behind an
   // edge was as far behind it at any time.
-  static void measure_speed(const Row& row, std::size_t n, float per_s,
-                            float* STILLPOINT_RESTRICT least_m_s,
-                            float* STILLPOINT_RESTRICT most_m_s) {
+  STILLPOINT_ROW_LOOP static void measure_speed(const Row& row, std::size_t n, float per_s,
+                                                float* STILLPOINT_RESTRICT least_m_s,
+                                                float* STILLPOINT_RESTRICT most_m_s) {
     const float *z = row.z.data(), *step2 = row.least_step2.data();
     const float* surface = row.surface_m.data();
     for (std::size_t x = 0; x < n; ++x) {

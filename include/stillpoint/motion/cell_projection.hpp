@@ -59,10 +59,12 @@ class CellProjection {
     return view_.middle_of_row(row).transpose() * T;
   }
 
-  void project(const Eigen::Isometry3f& T, std::size_t n, const float* STILLPOINT_RESTRICT ray_x,
-               const float* STILLPOINT_RESTRICT ray_y, const float* STILLPOINT_RESTRICT depth,
-               int* STILLPOINT_RESTRICT cell, float* STILLPOINT_RESTRICT z,
-               float* STILLPOINT_RESTRICT least_step2) const {
+  STILLPOINT_ROW_LOOP void project(const Eigen::Isometry3f& T, std::size_t n,
+                                   const float* STILLPOINT_RESTRICT ray_x,
+                                   const float* STILLPOINT_RESTRICT ray_y,
+                                   const float* STILLPOINT_RESTRICT depth,
+                                   int* STILLPOINT_RESTRICT cell, float* STILLPOINT_RESTRICT z,
+                                   float* STILLPOINT_RESTRICT least_step2) const {
     const float r00 = T(0, 0), r01 = T(0, 1), r02 = T(0, 2), r10 = T(1, 0), r11 = T(1, 1),
                 r12 = T(1, 2), r20 = T(2, 0), r21 = T(2, 1), r22 = T(2, 2), tx = T(0, 3),
                 ty = T(1, 3), tz = T(2, 3);

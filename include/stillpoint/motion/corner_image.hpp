@@ -229,8 +229,8 @@ class CornerImage {
     return {0, 0, 0, 0};
   }
 
-  static void raise(const float* STILLPOINT_RESTRICT by, std::size_t n,
-                    float* STILLPOINT_RESTRICT highest) {
+  STILLPOINT_ROW_LOOP static void raise(const float* STILLPOINT_RESTRICT by, std::size_t n,
+                                        float* STILLPOINT_RESTRICT highest) {
     for (std::size_t x = 0; x < n; ++x) highest[x] = by[x] > highest[x] ? by[x] : highest[x];
   }
 

@@ -50,8 +50,9 @@ class CornerScore {
   };
 
   // Sobel's, of a row and those beside it.
-  static void slopes(const uchar* above, const uchar* here, const uchar* below, std::size_t n,
-                     std::int16_t* STILLPOINT_RESTRICT gx, std::int16_t* STILLPOINT_RESTRICT gy) {
+  STILLPOINT_ROW_LOOP static void slopes(const uchar* above, const uchar* here, const uchar* below,
+                                         std::size_t n, std::int16_t* STILLPOINT_RESTRICT gx,
+                                         std::int16_t* STILLPOINT_RESTRICT gy) {
     for (std::size_t x = 1; x + 1 < n; ++x) {
       const std::size_t l = x - 1, r = x + 1;
       gx[x] = static_cast<std::int16_t>((above[r] + 2 * here[r] + below[r]) -
@@ -61,24 +62,26 @@ class CornerScore {
     }
   }
 
-  static void multiply(const std::int16_t* gx, const std::int16_t* gy, std::size_t n,
-                       float* STILLPOINT_RESTRICT xx, float* STILLPOINT_RESTRICT xy,
-                       float* STILLPOINT_RESTRICT yy) {
+  STILLPOINT_ROW_LOOP static void multiply(const std::int16_t* gx, const std::int16_t* gy,
+                                           std::size_t n, float* STILLPOINT_RESTRICT xx,
+                                           float* STILLPOINT_RESTRICT xy,
+                                           float* STILLPOINT_RESTRICT yy) {
     for (std::size_t x = 0; x < n; ++x) {
       const float u = kScale * static_cast<float>(gx[x]), v = kScale * static_cast<float>(gy[x]);
       xx[x] = u * u, xy[x] = u * v, yy[x] = v * v;
     }
   }
 
-  static void add(const float* a, const float* b, const float* c, std::size_t n,
-                  float* STILLPOINT_RESTRICT sum) {
+  STILLPOINT_ROW_LOOP static void add(const float* a, const float* b, const float* c, std::size_t n,
+                                      float* STILLPOINT_RESTRICT sum) {
     for (std::size_t x = 0; x < n; ++x) sum[x] = a[x] + b[x] + c[x];
   }
 
   // The mean of the two eigenvalues, and the square of how far they lie from it; of sums of three
   // rows.
-  static void halves(const float* xx, const float* xy, const float* yy, std::size_t n,
-                     float* STILLPOINT_RESTRICT mean, float* STILLPOINT_RESTRICT spread) {
+  STILLPOINT_ROW_LOOP static void halves(const float* xx, const float* xy, const float* yy,
+                                         std::size_t n, float* STILLPOINT_RESTRICT mean,
+                                         float* STILLPOINT_RESTRICT spread) {
     for (std::size_t x = 2; x + 2 < n; ++x) {
       const float a = 0.5f * (xx[x - 1] + xx[x] + xx[x + 1]);
       const float b = xy[x - 1] + xy[x] + xy[x + 1];

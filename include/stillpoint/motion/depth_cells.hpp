@@ -114,10 +114,11 @@ struct DepthCells {
 
   // Adds every second pixel of a row to the columns of a row of cells. Without branches, as a loop
   // of vector instructions.
-  static void add_row(const std::uint16_t* row, std::size_t n,
-                      std::uint16_t* STILLPOINT_RESTRICT lo, std::uint16_t* STILLPOINT_RESTRICT hi,
-                      std::uint16_t* STILLPOINT_RESTRICT count,
-                      std::uint32_t* STILLPOINT_RESTRICT sum) {
+  STILLPOINT_ROW_LOOP static void add_row(const std::uint16_t* row, std::size_t n,
+                                          std::uint16_t* STILLPOINT_RESTRICT lo,
+                                          std::uint16_t* STILLPOINT_RESTRICT hi,
+                                          std::uint16_t* STILLPOINT_RESTRICT count,
+                                          std::uint32_t* STILLPOINT_RESTRICT sum) {
     for (std::size_t i = 0; i < n; ++i) {
       const std::uint16_t z = row[2 * i], before = static_cast<std::uint16_t>(z - 1);
       lo[i] = before < lo[i] ? before : lo[i];
@@ -174,10 +175,10 @@ struct DepthCells {
   }
 
   // The depth of n cells of `all` pixels each. Without branches, too.
-  static void find_depth(const std::uint16_t* lo, const std::uint16_t* hi,
-                         const std::uint16_t* count, const std::uint32_t* sum, std::size_t n,
-                         std::size_t all, float to_m, float noise,
-                         float* STILLPOINT_RESTRICT depth_m) {
+  STILLPOINT_ROW_LOOP static void find_depth(const std::uint16_t* lo, const std::uint16_t* hi,
+                                             const std::uint16_t* count, const std::uint32_t* sum,
+                                             std::size_t n, std::size_t all, float to_m,
+                                             float noise, float* STILLPOINT_RESTRICT depth_m) {
     const int half = static_cast<int>(all + 1) / 2;
     const float of_noise = kMostSpread * noise;
     for (std::size_t i = 0; i < n; ++i) {
