@@ -20,7 +20,8 @@
 #endif
 
 /// For loops over a row without branches: of these g++ makes vector instructions at -O2 (a build of
-/// type RelWithDebInfo, Debian's, ROS 2's), too, not only at -O3.
+/// type RelWithDebInfo, Debian's, ROS 2's), too, not only at -O3. Not inlined, as g++ then forgets
+/// STILLPOINT_RESTRICT and, at -O2, gives up.
 #if defined(__GNUC__) && !defined(__clang__)
 #define STILLPOINT_ROW_LOOP __attribute__((noinline, optimize("O3")))
 #else

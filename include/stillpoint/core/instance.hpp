@@ -81,6 +81,7 @@ inline Instance instance_from_mask(const cv::Mat& full_mask,
 
 namespace detail {
 
+// Sets the pixels of a row to 255 where another's are not 0.
 STILLPOINT_ROW_LOOP inline void set_where(const uchar* own, int n, uchar* STILLPOINT_RESTRICT all) {
   for (int x = 0; x < n; ++x) all[x] = own[x] != 0 ? uchar{255} : all[x];
 }

@@ -34,9 +34,9 @@ inline std::size_t lowest_bit(std::uint64_t v) {
 
 /// For each of n points its cell in a grid from `origin` on, row by row; the first or last ones for
 /// points beyond.
-inline void find_cells(const cv::Point2f* STILLPOINT_RESTRICT points, std::size_t n,
-                       const cv::Point2f& origin, float per_cell, const cv::Size& grid,
-                       int* STILLPOINT_RESTRICT cells) {
+STILLPOINT_ROW_LOOP inline void find_cells(const cv::Point2f* STILLPOINT_RESTRICT points,
+                                           std::size_t n, const cv::Point2f& origin, float per_cell,
+                                           const cv::Size& grid, int* STILLPOINT_RESTRICT cells) {
   const float left = origin.x, top = origin.y;
   const float last_x = static_cast<float>(grid.width - 1);
   const float last_y = static_cast<float>(grid.height - 1);

@@ -30,8 +30,7 @@ inline void clip_range(std::int64_t first, std::int64_t step, int size, cv::Rang
   while (range.end > range.start && outside(range.end - 1)) --range.end;
 }
 
-// A loop of vector instructions.
-inline void add_row(const uchar* row, int n, uchar* STILLPOINT_RESTRICT to) {
+STILLPOINT_ROW_LOOP inline void add_row(const uchar* row, int n, uchar* STILLPOINT_RESTRICT to) {
   for (int x = 0; x < n; ++x) to[x] = static_cast<uchar>(to[x] | row[x]);
 }
 
