@@ -10,6 +10,7 @@
 #include "stillpoint/backends/rgbd_slam/patch.hpp"
 #include "stillpoint/backends/rgbd_slam/pnp.hpp"
 #include "stillpoint/backends/rgbd_slam/pose_graph.hpp"
+#include "stillpoint/backends/rgbd_slam/tracked_frame.hpp"
 #include "test_scene.hpp"
 
 namespace {
@@ -63,6 +64,38 @@ TEST(PoseOptimizer, DropsADepthThatDisagreesButKeepsThePixel) {
   EXPECT_TRUE(T.isApprox(truth, 1e-4));
   EXPECT_TRUE(observations[1].inlier);
   EXPECT_FALSE(observations[1].depth_inlier);
+}
+
+// More points are on somebody who walked into the newest keyframe than on the walls that both know.
+TEST(RefinePose, KeepsToWhatSeveralKeyframesKnow) {
+  constexpr std::size_t kWalls = 80, kAll = 200;
+  CameraModel model;
+  model.camera = test_scene::camera();
+  const Eigen::Isometry3d truth = some_pose();
+  const auto observations = observations_of(model.camera, truth, kAll);
+  KeypointFrame seen;
+  for (const PoseObservation& o : observations) {
+    FrameKeypoint k;
+    k.x = static_cast<float>(o.pixel.x()), k.y = static_cast<float>(o.pixel.y());
+    k.depth_m = static_cast<float>(o.inverse_depth > 0 ? 1 / o.inverse_depth : 0);
+    seen.keypoints.push_back(k);
+  }
+  seen.descriptors.resize(kAll);
+  Map map;
+  Keyframe& first = map.add_keyframe(seen, truth);
+  Keyframe& newest = map.add_keyframe(seen, truth);
+  TrackedFrame frame(seen);
+  for (std::size_t i = 0; i < kAll; ++i) {
+    const bool wall = i < kWalls;
+    const Eigen::Vector3d walked(wall ? 0 : 0.05, 0, 0);
+    MapPoint& p = map.add_point(observations[i].point - walked, newest, i);
+    if (wall) map.observe(p, first, i);
+    frame.points[i] = p.id;
+  }
+  frame.T_camera_world = truth;
+  EXPECT_GE(refine_pose(model, map, frame), static_cast<int>(kWalls));
+  EXPECT_LT((frame.T_camera_world.inverse() * truth).translation().norm(), 0.002);
+  for (std::size_t i = 0; i < kWalls; ++i) EXPECT_TRUE(frame.points[i]);
 }
 
 TEST(PnpRansac, FindsThePoseWithoutAGuess) {

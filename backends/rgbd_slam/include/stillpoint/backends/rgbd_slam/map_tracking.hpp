@@ -188,7 +188,7 @@ class MapTracking {
 
   // Aligned matches of the static world fit within a fraction of a pixel. Where many do not, the
   // pose may be a compromise with people whom no mask covers yet: it gives way to one that more
-  // matches agree on, if there is one.
+  // matches agree on, and no fewer of the confirmed ones, if there is one.
   void refine_aligned(const Map& map) {
     constexpr double kUsualShare = 0.8;
     const std::vector<PointId> matched = current_.points;
@@ -203,7 +203,9 @@ class MapTracking {
     if (!T) return;
     other.T_camera_world = *T;
     const int inliers = refine_pose(model_, map, other, 4);
-    if (inliers <= stats_.inliers) return;
+    if (inliers <= stats_.inliers ||
+        count_confirmed(map, other.points) < count_confirmed(map, current_.points))
+      return;
     stats_.inliers = inliers;
     current_ = std::move(other);
   }

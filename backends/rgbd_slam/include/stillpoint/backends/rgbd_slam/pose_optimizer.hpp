@@ -75,7 +75,7 @@ struct PoseError {
 /// is set aside, and taken in again if it fits later. Sets `inlier` of each observation and returns
 /// their number. With `start_gate` > 0, observations off by more than that many times the limit at
 /// the given pose are left out of the first round: for lists that may hold any share of wrong ones,
-/// and a pose that is already good. A small solver of our own: it runs up to three times per frame,
+/// and a pose that is already good. A small solver of our own: it runs a few times per frame,
 /// 10 times as fast as a general one. O(n).
 inline int optimize_pose(const Camera& camera, const NoiseModel& noise,
                          std::vector<PoseObservation>& observations,

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <iterator>
 #include <optional>
 #include <utility>
 #include <vector>
@@ -122,15 +123,46 @@ inline std::vector<PoseObservation> pose_observations(const CameraModel& model, 
   return observations;
 }
 
+/// Whether several keyframes know a point. What only one has seen may be a person whom no mask
+/// covered.
+inline bool is_confirmed(const Map& map, PointId id) {
+  const MapPoint* point = map.point(id);
+  return point && point->observations.size() > 1;
+}
+inline int count_confirmed(const Map& map, const std::vector<PointId>& points) {
+  return static_cast<int>(std::count_if(points.begin(), points.end(),
+                                        [&](PointId id) { return is_confirmed(map, id); }));
+}
+/// Whether points that are not confirmed have dragged a pose along: clearly fewer confirmed ones
+/// fit it than another pose, and those are enough to find one.
+inline bool is_dragged(int confirmed, int confirmed_of_another) {
+  return confirmed_of_another >= 60 && confirmed < 0.92 * confirmed_of_another;
+}
+
 /// Optimises the frame's pose on its matches and takes back those that do not fit. Returns the
-/// number of the others.
+/// number of the others. Where fewer of the confirmed points fit than would alone, the rest has
+/// dragged the pose along: then the confirmed ones find it, and the rest counts where it fits.
 inline int refine_pose(const CameraModel& model, const Map& map, TrackedFrame& f,
                        double start_gate = 0) {
-  std::vector<PoseObservation> observations = pose_observations(model, map, f);
-  if (observations.size() < 6) return 0;
-  const int inliers =
-      optimize_pose(model.camera, model.noise, observations, f.T_camera_world, start_gate);
-  for (const PoseObservation& o : observations)
+  std::vector<PoseObservation> all = pose_observations(model, map, f);
+  if (all.size() < 6) return 0;
+  const auto confirmed = [&](const PoseObservation& o) {
+    return is_confirmed(map, f.points[o.index]);
+  };
+  std::vector<PoseObservation> alone;
+  std::copy_if(all.begin(), all.end(), std::back_inserter(alone), confirmed);
+  Eigen::Isometry3d T_alone = f.T_camera_world;
+  int inliers = optimize_pose(model.camera, model.noise, all, f.T_camera_world, start_gate);
+  if (alone.size() < all.size()) {
+    const int fit_alone = optimize_pose(model.camera, model.noise, alone, T_alone, start_gate);
+    const auto fit = std::count_if(
+        all.begin(), all.end(), [&](const PoseObservation& o) { return o.inlier && confirmed(o); });
+    if (is_dragged(static_cast<int>(fit), fit_alone)) {
+      f.T_camera_world = T_alone;
+      inliers = optimize_pose(model.camera, model.noise, all, f.T_camera_world, 1);
+    }
+  }
+  for (const PoseObservation& o : all)
     if (!o.inlier) f.points[o.index] = PointId();
   return inliers;
 }
