@@ -133,17 +133,14 @@ inline int count_confirmed(const Map& map, const std::vector<PointId>& points) {
   return static_cast<int>(std::count_if(points.begin(), points.end(),
                                         [&](PointId id) { return is_confirmed(map, id); }));
 }
-/// Whether points that are not confirmed have dragged a pose along: clearly fewer confirmed ones
-/// fit it than another pose, and those are enough to find one.
-inline bool is_dragged(int confirmed, int confirmed_of_another) {
-  return confirmed_of_another >= 60 && confirmed < 0.92 * confirmed_of_another;
-}
 
 /// Optimises the frame's pose on its matches and takes back those that do not fit. Returns the
 /// number of the others. Where fewer of the confirmed points fit than would alone, the rest has
 /// dragged the pose along: then the confirmed ones find it, and the rest counts where it fits.
 inline int refine_pose(const CameraModel& model, const Map& map, TrackedFrame& f,
                        double start_gate = 0) {
+  constexpr std::size_t kEnough = 60;     // confirmed points, to find a pose
+  constexpr double kDraggedShare = 0.92;  // of those that fit alone; usually 0.97 or more
   std::vector<PoseObservation> all = pose_observations(model, map, f);
   if (all.size() < 6) return 0;
   const auto confirmed = [&](const PoseObservation& o) {
@@ -153,11 +150,12 @@ inline int refine_pose(const CameraModel& model, const Map& map, TrackedFrame& f
   std::copy_if(all.begin(), all.end(), std::back_inserter(alone), confirmed);
   Eigen::Isometry3d T_alone = f.T_camera_world;
   int inliers = optimize_pose(model.camera, model.noise, all, f.T_camera_world, start_gate);
-  if (alone.size() < all.size()) {
+  if (alone.size() >= kEnough && alone.size() < all.size()) {
     const int fit_alone = optimize_pose(model.camera, model.noise, alone, T_alone, start_gate);
     const auto fit = std::count_if(
         all.begin(), all.end(), [&](const PoseObservation& o) { return o.inlier && confirmed(o); });
-    if (is_dragged(static_cast<int>(fit), fit_alone)) {
+    if (fit_alone >= static_cast<int>(kEnough) &&
+        static_cast<double>(fit) < kDraggedShare * fit_alone) {
       f.T_camera_world = T_alone;
       inliers = optimize_pose(model.camera, model.noise, all, f.T_camera_world, 1);
     }
