@@ -459,6 +459,32 @@ TEST(FrontEnd, TakesGreyPicturesWithoutDepth) {
   }
 }
 
+// Depth sensors measure nothing nearer than 0.3 to 0.5 m; a sensor that fails does not either.
+TEST(FrontEnd, MasksWhoStandsTooCloseToBeMeasured) {
+  const FlatScene scene;
+  const cv::Rect close(0, 0, 130, 240), elsewhere(160, 0, 160, 240);
+  for (const bool somebody : {true, false}) {
+    FrontEnd front_end({}, scene.camera());
+    for (int i = 0; i < 20; ++i) front_end.compute_mask(scene.frame(Walk::time(i), {}));
+    ASSERT_EQ(front_end.stats().mask_share, 0);
+    RgbdFrame frame = scene.frame(Walk::time(20), {});
+    frame.depth(close).setTo(0);
+    if (somebody) frame.color(close).setTo(cv::Scalar(240, 240, 250));
+    const cv::Mat mask = front_end.compute_mask(frame).image;
+    EXPECT_EQ(pixels(mask(close)), somebody ? close.area() : 0);
+    EXPECT_EQ(pixels(mask(elsewhere)), 0);
+    EXPECT_EQ(front_end.stats().status & kMaskTooLarge, 0u);
+    const Points points = Walk().keypoints(20);
+    const Selection& selection = front_end.select(points);
+    for (std::size_t i = 0; i < points.size(); ++i)
+      if (close.contains(points[i]) || elsewhere.contains(points[i])) {
+        EXPECT_EQ(selection.is_kept(i), !somebody || elsewhere.contains(points[i])) << points[i];
+      }
+    // All is as before when he has gone.
+    EXPECT_EQ(pixels(front_end.compute_mask(scene.frame(Walk::time(21), {})).image), 0);
+  }
+}
+
 // What the host has converted is looked at, and nothing else; network_only looks at single rows.
 TEST(FrontEnd, TakesTheHostsGreyPicture) {
   const Walk walk;

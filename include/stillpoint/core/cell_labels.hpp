@@ -17,13 +17,16 @@ namespace stillpoint {
 enum class CellLabel : std::uint8_t {
   kUnknown,  ///< no depth, never seen from where it could be judged, or not certain
   kStatic,   ///< the same surface was there before
-  kMoved     ///< earlier frames looked through the place where it is now
+  kMoved,    ///< earlier frames looked through the place where it is now
+  kNear      ///< something has come too near to be measured (NearHoles)
 };
 
 /// A label for each cell, a square of pixels, of a frame. Empty: nothing is known.
 class CellLabels {
  public:
-  void clear() { width_ = height_ = 0, labels_.clear(), alone_.clear(), seen_.clear(); }
+  void clear() {
+    width_ = height_ = 0, labels_.clear(), alone_.clear(), seen_.clear(), near_ = cv::Rect();
+  }
   bool empty() const { return labels_.empty(); }
 
   /// All unknown.
@@ -33,6 +36,7 @@ class CellLabels {
                    CellLabel::kUnknown);
     alone_.assign(labels_.size(), 0);
     seen_.assign(labels_.size(), 0);
+    near_ = cv::Rect();
   }
   /// Side of a cell, pixels.
   int block_px() const { return block_px_; }
@@ -47,6 +51,11 @@ class CellLabels {
   /// not.
   void set_seen(std::size_t i) { seen_[i] = 255; }
   bool seen(std::size_t i) const { return seen_[i] != 0; }
+  /// Tells that what a cell shows is too near to be measured.
+  void set_near(int x, int y) {
+    labels_[index(x, y)] = CellLabel::kNear;
+    near_ |= cv::Rect(x, y, 1, 1);
+  }
 
   /// To be called once the labels stand: finds what known_static(), stood_alone() and
   /// clear_static() ask for. O(cells).
@@ -87,6 +96,16 @@ class CellLabels {
     return counts;
   }
 
+  /// Sets `mask`, CV_8UC1 of the frame's size, to 255 where something is too near to be measured.
+  /// The box around that; empty: there is nothing. O(cells of the box).
+  cv::Rect add_near(cv::Mat& mask) const {
+    const int b = block_px_;
+    for (int y = near_.y; y < near_.br().y; ++y)
+      for (int x = near_.x; x < near_.br().x; ++x)
+        if (at(x, y) == CellLabel::kNear) detail::fill_part(mask, {x * b, y * b, b, b}, uchar{255});
+    return {near_.tl() * b, near_.size() * b};
+  }
+
   /// Sets `mask`, CV_8UC1 of the size of `area` (inside the frame), to 0 where there is a static
   /// surface. With `wide_only`, what is thinner than three cells stays: cells at an outline show
   /// both sides of it. O(cells of area).
@@ -107,10 +126,11 @@ class CellLabels {
   }
 
  private:
-  CellLabel at(int x, int y) const {
-    return labels_[static_cast<std::size_t>(y) * static_cast<std::size_t>(width_) +
-                   static_cast<std::size_t>(x)];
+  std::size_t index(int x, int y) const {
+    return static_cast<std::size_t>(y) * static_cast<std::size_t>(width_) +
+           static_cast<std::size_t>(x);
   }
+  CellLabel at(int x, int y) const { return labels_[index(x, y)]; }
   bool is_set(const cv::Mat_<uchar>& cells, const cv::Point& pixel) const {
     if (empty()) return false;
     const int x = pixel.x / block_px_, y = pixel.y / block_px_;
@@ -124,6 +144,7 @@ class CellLabels {
   int block_px_ = 8, width_ = 0, height_ = 0;
   std::vector<CellLabel> labels_;
   std::vector<uchar> alone_, seen_;  // 255: yes
+  cv::Rect near_;                    // around the cells that are too near
   cv::Mat_<uchar> static_, wide_static_, wide_alone_;
 };
 

@@ -68,7 +68,8 @@ class DepthMaskFuser {
 
   /// The same for a frame of which more is known: an object does not grow into what
   /// `context.labels` knows to be static, one without a name only if that stood alone; and a bare
-  /// box finds nothing of an object there.
+  /// box finds nothing of an object there. What the labels say is too near to be measured joins the
+  /// mask; it is no instance.
   const DynamicMask& fuse(const FrameContext& context, const Segmentation& segmentation,
                           bool use_depth = true, int widening_px = 0) {
     check_segmentation(segmentation, context.size());
@@ -108,6 +109,7 @@ class DepthMaskFuser {
         if (use_depth) find_mask(context.labels, s);
         detail::add_to_mask(s, undilated_);
       }
+    near_box_ = context.labels.add_near(undilated_);
   }
 
   // Most movers are people whom the segmenter has seen, too. Of one that is nearly covered by what
@@ -190,7 +192,7 @@ class DepthMaskFuser {
   // All instances at once, and those once more that are dilated more than the others.
   void dilate(const cv::Size& size, int widening_px) {
     const int least_px = scaled_px(settings_.dilation_px + widening_px, size);
-    cv::Rect region;
+    cv::Rect region = near_box_;
     for (const Instance& s : fused_) region |= s.box;
     dilation_.begin(size);
     dilation_.add(undilated_(region), region, least_px);
@@ -226,6 +228,7 @@ class DepthMaskFuser {
   detail::MaskPool masks_;  // of fused_
   cv::Mat undilated_;
   cv::Mat in_range_;
+  cv::Rect near_box_;  // around what is too near, pixels
   MaskDilation dilation_;
   double mask_share_ = 0;
   std::uint32_t status_ = kOk;

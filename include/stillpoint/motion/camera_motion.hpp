@@ -110,6 +110,9 @@ class CameraMotion {
                           smeared_share);
   }
 
+  /// The grey image of the frame last added made small, CV_8UC1; empty: there is none.
+  const cv::Mat& small_gray() const { return current_.small_gray(); }
+
   /// Corners followed from the frame before to the one last added.
   std::size_t followed() const { return consensus_.flows().size(); }
 

@@ -51,6 +51,11 @@ class CornerImage {
   bool empty = true;
 
   cv::Size size() const { return frame_size_; }
+  /// The coarse image in bytes.
+  const cv::Mat& small_gray() const {
+    static const cv::Mat none;
+    return empty ? none : coarse_bytes_;
+  }
 
   /// Where a fine pixel's centre is in the frame.
   float frame_px(int fine_px) const {

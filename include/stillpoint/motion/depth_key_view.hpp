@@ -17,6 +17,8 @@ struct DepthKeyView {
   cv::Mat_<uchar> alone;
   /// Up to which depth a cell and its eight neighbors are free, metres; 0: not known.
   cv::Mat_<float> free_to_m;
+  /// Mean brightness of each cell; empty: not known.
+  cv::Mat_<uchar> gray;
 
   static constexpr float kNoSurface = -1e9f, kHole = -2e9f;
 };

@@ -41,6 +41,10 @@ class FarHoles {
     return found_;
   }
 
+  /// The cells that the depth camera sees: those between measured ones of all frames so far,
+  /// without the outermost.
+  const cv::Rect& view() const { return view_; }
+
   /// The farthest that was measured in the last seconds, metres.
   float range_m() const { return std::max(recent_m_, earlier_m_); }
 
@@ -72,8 +76,6 @@ class FarHoles {
     }
   }
 
-  // The cells that the depth camera sees: those between measured ones of any frame so far, without
-  // the outermost.
   void learn_view(const DepthCells& frame) {
     const cv::Size size(frame.width, frame.height);
     if (size != size_) measured_ = cv::Rect();

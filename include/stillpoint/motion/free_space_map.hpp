@@ -35,10 +35,10 @@ class FreeSpaceMap {
   void clear() { count_ = 0, next_ = 0; }
 
   /// Adds an image; `dynamic`: one byte per cell, not 0 = taken for dynamic in it. `touching`: the
-  /// same for cells whose surface goes on into what is dynamic; may be empty. Of a camera faster
-  /// than 30 Hz not every image is kept. O(cells).
+  /// same for cells whose surface goes on into what is dynamic; may be empty. `gray`: their mean
+  /// brightness; may be empty. Of a camera faster than 30 Hz not every image is kept. O(cells).
   void add(const DepthShot& shot, const DepthCells& cells, const std::vector<std::uint8_t>& dynamic,
-           const std::vector<std::uint8_t>& touching = {}) {
+           const std::vector<std::uint8_t>& touching = {}, const cv::Mat_<uchar>& gray = {}) {
     if (count_ > 0 && shot.timestamp - views_[newest_].shot.timestamp < kLeastStepS) return;
     if (views_.size() < kCapacity) views_.resize(kCapacity);
     DepthKeyView& view = views_[next_];
@@ -47,10 +47,14 @@ class FreeSpaceMap {
     count_ = std::min(count_ + 1, kCapacity);
     view.shot = shot;
     fill(shot, cells, dynamic, view);
+    gray.copyTo(view.gray);
     view.alone.create(view.surface_m.size());
     for (std::size_t i = 0; i < cells.size(); ++i)
       view.alone.data[i] = touching.empty() || touching[i] == 0;
   }
+
+  /// The cells that the depth camera sees, as far as the images tell (FarHoles).
+  const cv::Rect& view() const { return holes_.view(); }
 
   /// Moves the image of a shot that add() was given last, once its pose is known better; nothing
   /// if that one was not kept.

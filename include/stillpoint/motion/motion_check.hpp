@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <limits>
 #include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
 #include <optional>
 #include <vector>
 
@@ -20,6 +21,7 @@
 #include "stillpoint/motion/free_space_map.hpp"
 #include "stillpoint/motion/motion_check_settings.hpp"
 #include "stillpoint/motion/mover_detector.hpp"
+#include "stillpoint/motion/near_holes.hpp"
 #include "stillpoint/motion/touching_cells.hpp"
 #include "stillpoint/sensor/sensor_model.hpp"
 
@@ -47,6 +49,7 @@ class MotionCheck {
         pose_(sensor),
         map_(sensor),
         touching_(sensor),
+        near_(sensor),
         detector_(settings.movers) {
     settings.check();
     sensor.check();
@@ -67,19 +70,24 @@ class MotionCheck {
     }
     size_ = context.size();
     last_s_ = context.frame.timestamp;
-    if (ego.chain() != chain_ && !map_.empty()) {
-      // The host may yet tell the pose that is missing.
-      if (!ego.motion()) return detector_.found();
-      forget_map();
-    }
-    chain_ = ego.chain();
     const int block_px = settings_.block_px > 0 ? settings_.block_px
                                                 : std::clamp(2 * ((size_.width + 80) / 160), 2, 64);
     cells_.set(context.depth, block_px);
     if (cells_.size() == 0) return detector_.found();  // not one cell
+    take_brightness(context, ego);
+    if (ego.chain() != chain_ && !map_.empty()) {
+      // The host may yet tell the pose that is missing.
+      if (!ego.motion()) {
+        find_near(nullptr, context);
+        return detector_.found();
+      }
+      forget_map();
+    }
+    chain_ = ego.chain();
     pose_.locate(context.frame.depth_time(), cells_, find_moving(ego), ego, map_);
     map_.judge(pose_.shot(), cells_, context.labels);
     label_outlier_corners(ego, context);
+    find_near(&pose_.shot(), context);
     context.labels.find_wide_static();
     judged_ = true;
     return detector_.find(cells_, context.labels, outlier_cells_);
@@ -110,7 +118,7 @@ class MotionCheck {
           dynamic_[cells_.index(x, y)] |=
               static_cast<std::uint8_t>((row[x * b + b / 4] | row[x * b + b / 4 + b / 2]) != 0);
       }
-    map_.add(pose_.shot(), cells_, dynamic_, touching_.find(cells_, dynamic_));
+    map_.add(pose_.shot(), cells_, dynamic_, touching_.find(cells_, dynamic_), gray_);
   }
 
   /// To be called after `ego` was given the host's pose of the last frame.
@@ -122,6 +130,7 @@ class MotionCheck {
   /// Forgets everything (a cut in the sequence).
   void reset() {
     forget_map();
+    near_.reset();
     last_s_ = -std::numeric_limits<double>::infinity();
   }
 
@@ -148,6 +157,19 @@ class MotionCheck {
     map_.clear();
     pose_.reset();
     outliers_.clear();
+  }
+
+  void take_brightness(const FrameContext& context, EgoMotion& ego) {
+    const cv::Mat& small = ego.images().small_gray();
+    cv::resize(small.empty() ? context.gray() : small, gray_, {cells_.width, cells_.height}, 0, 0,
+               cv::INTER_AREA);
+  }
+
+  // Labels what is too near to be measured. `shot`: null where the pose is not known.
+  void find_near(const DepthShot* shot, FrameContext& context) {
+    const double now_s = context.frame.depth_time();
+    if (near_.find(now_s, cells_, gray_, shot, map_, context.labels) && !shot)
+      context.labels.find_wide_static();
   }
 
   // The cells whose corners moved by themselves in the last frame, and what their surfaces go on
@@ -229,6 +251,8 @@ class MotionCheck {
   DepthPose pose_;
   FreeSpaceMap map_;
   TouchingCells touching_;
+  NearHoles near_;
+  cv::Mat_<uchar> gray_;  // mean brightness of the cells of the last frame
   MoverDetector detector_;
   double last_s_ = -std::numeric_limits<double>::infinity();
   int chain_ = -1;                          // of the ego-motion, at the last frame in the map
