@@ -462,7 +462,7 @@ TEST(FrontEnd, TakesGreyPicturesWithoutDepth) {
 // Depth sensors measure nothing nearer than 0.3 to 0.5 m; a sensor that fails does not either.
 TEST(FrontEnd, MasksWhoStandsTooCloseToBeMeasured) {
   const FlatScene scene;
-  const cv::Rect close(0, 0, 130, 240), elsewhere(160, 0, 160, 240);
+  const cv::Rect close(0, 0, 128, 240), elsewhere(160, 0, 160, 240);
   for (const bool somebody : {true, false}) {
     FrontEnd front_end({}, scene.camera());
     for (int i = 0; i < 20; ++i) front_end.compute_mask(scene.frame(Walk::time(i), {}));

@@ -129,6 +129,18 @@ TEST_F(NearHolesTest, LeavesTheWallThatTheCameraComesTooCloseTo) {
   EXPECT_EQ(share_near(kImage, with(kClose)), 0);
 }
 
+// Color and depth are taken at different moments and from different places.
+TEST_F(NearHolesTest, LeavesWhatTheImageShowsBesideThem) {
+  const cv::Rect hole(0, 0, 28, kHeight);
+  set_depth(hole, -1);
+  EXPECT_EQ(share_near({0, 0, 12, kHeight}, with(kClose)), 1);
+  EXPECT_EQ(share_near({18, 4, 8, 22}, with(kClose)), 0);
+  // A pattern that is not the room's is theirs.
+  cv::Mat_<uchar> other = room_.clone();
+  other(hole) = 240 - room_(hole);
+  EXPECT_EQ(share_near(hole, other), 1);
+}
+
 TEST_F(NearHolesTest, FollowsThemWhileThePoseIsLost) {
   set_depth(kClose, -1);
   ASSERT_EQ(share_near(kClose, with(kClose)), 1);

@@ -97,13 +97,13 @@ class CellLabels {
   }
 
   /// Sets `mask`, CV_8UC1 of the frame's size, to 255 where something is too near to be measured.
-  /// The box around that; empty: there is nothing. O(cells of the box).
-  cv::Rect add_near(cv::Mat& mask) const {
+  /// Whether there is anything. O(cells around it).
+  bool add_near(cv::Mat& mask) const {
     const int b = block_px_;
     for (int y = near_.y; y < near_.br().y; ++y)
       for (int x = near_.x; x < near_.br().x; ++x)
         if (at(x, y) == CellLabel::kNear) detail::fill_part(mask, {x * b, y * b, b, b}, uchar{255});
-    return {near_.tl() * b, near_.size() * b};
+    return !near_.empty();
   }
 
   /// Sets `mask`, CV_8UC1 of the size of `area` (inside the frame), to 0 where there is a static

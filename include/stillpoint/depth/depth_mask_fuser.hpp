@@ -78,6 +78,7 @@ class DepthMaskFuser {
     mask_.age_s = 0;
     find_instances(context, segmentation, use_depth);
     dilate(context.size(), widening_px);
+    add_near(context.labels);
     return mask_;
   }
 
@@ -109,7 +110,6 @@ class DepthMaskFuser {
         if (use_depth) find_mask(context.labels, s);
         detail::add_to_mask(s, undilated_);
       }
-    near_box_ = context.labels.add_near(undilated_);
   }
 
   // Most movers are people whom the segmenter has seen, too. Of one that is nearly covered by what
@@ -192,7 +192,7 @@ class DepthMaskFuser {
   // All instances at once, and those once more that are dilated more than the others.
   void dilate(const cv::Size& size, int widening_px) {
     const int least_px = scaled_px(settings_.dilation_px + widening_px, size);
-    cv::Rect region = near_box_;
+    cv::Rect region;
     for (const Instance& s : fused_) region |= s.box;
     dilation_.begin(size);
     dilation_.add(undilated_(region), region, least_px);
@@ -207,6 +207,14 @@ class DepthMaskFuser {
     if (detail::MaskPool::held_elsewhere(mask_.image)) mask_.image.release();
     mask_.image.create(size, CV_8UC1);
     mask_share_ = dilation_.write(mask_.image) / static_cast<double>(size.area());
+  }
+
+  // Not dilated: what is too near for the sensor is a hole in its depth that is wider than the
+  // body.
+  void add_near(const CellLabels& labels) {
+    if (!labels.add_near(undilated_)) return;
+    labels.add_near(mask_.image);
+    mask_share_ = cv::countNonZero(mask_.image) / static_cast<double>(mask_.image.size().area());
   }
 
   static constexpr double kNearlyAll = 0.9;
@@ -228,7 +236,6 @@ class DepthMaskFuser {
   detail::MaskPool masks_;  // of fused_
   cv::Mat undilated_;
   cv::Mat in_range_;
-  cv::Rect near_box_;  // around what is too near, pixels
   MaskDilation dilation_;
   double mask_share_ = 0;
   std::uint32_t status_ = kOk;

@@ -26,7 +26,8 @@ namespace stillpoint {
 /// Finds who stands so close before the lens that depth cannot be measured: a large hole in the
 /// depth, open towards the border of the image, where the views of the last second had measured a
 /// surface and saw it in another brightness. A hole before black or glossy surfaces, or of a sensor
-/// that fails, shows the brightness that was there before.
+/// that fails, shows the brightness that was there before. Where such a hole shows the pattern that
+/// was there before, the image sees past the body.
 ///
 /// Once found, such a hole is followed from frame to frame for a while, also where the camera's
 /// pose is lost because it hides the world. O(cells) in frames with a large hole.
@@ -50,6 +51,7 @@ class NearHoles {
     views_.clear();
     if (shot) map.views_at(timestamp, kAgesS, views_);
     judged_.assign(cells.size(), 0), changed_.assign(cells.size(), 0);
+    expected_.assign(cells.size(), kUnknown);
     for (const DepthKeyView* view : views_) compare(cells, gray, *shot, *view);
     bool any = false;
     seen_.assign(cells.size(), 0);
@@ -59,7 +61,7 @@ class NearHoles {
         if (!(cells.depth_m[i] < 0) || seen_[i] != 0) continue;
         const Hole hole = collect(cells, x, y);
         if (!is_large(hole.cells, cells) || !is_near(hole, timestamp)) continue;
-        grow(cells, labels);
+        grow(cells, gray, labels);
         any = true;
       }
     if (any) mark(cells, labels);
@@ -79,6 +81,10 @@ class NearHoles {
   static constexpr double kUsual = 0.9;
   static constexpr std::size_t kFewestStatic = 100;  // cells that tell what is usual
   static constexpr int kMarginCells = 4;             // never measured, beside the view
+  static constexpr float kUnknown = -1000;
+  // Pattern: cells to each side, how many must be known, its contrast (gray levels), correlation.
+  static constexpr int kPattern = 3;
+  static constexpr float kFewestPattern = 25, kLeastContrast = 8, kAlike = 0.7f;
   static constexpr int kNext[4][2] = {{-1, 0}, {1, 0}, {0, -1}, {0, 1}};
 
   struct Hole {
@@ -110,6 +116,8 @@ class NearHoles {
                const DepthKeyView& view) {
     if (view.gray.size() != gray.size()) return;
     pair_up(cells, gray, shot, view);
+    // Of several views the newest, which comes last, tells best what would be seen there.
+    for (const Pair& p : pairs_) expected_[p.cell] = gray.data[p.cell] - p.than_middle;
     off_.clear();
     for (const Pair& p : pairs_)
       if (!p.hole) off_.push_back(p.than_middle);
@@ -202,8 +210,11 @@ class NearHoles {
 
   // Adds the cells of queue_, and what is measured of the same body: connected, not farther than
   // what may be too near. A torn cell does not lead to another one.
-  void grow(const DepthCells& cells, const CellLabels& labels) {
-    for (const cv::Point& p : queue_) found_[cells.index(p.x, p.y)] = 1;
+  void grow(const DepthCells& cells, const cv::Mat_<uchar>& gray, const CellLabels& labels) {
+    const auto body_or_room = [&](const cv::Point& p) {
+      return static_cast<std::uint8_t>(looks_as_expected(cells, gray, p) ? 2 : 1);
+    };
+    for (const cv::Point& p : queue_) found_[cells.index(p.x, p.y)] = body_or_room(p);
     const cv::Rect image(0, 0, cells.width, cells.height);
     for (std::size_t k = 0; k < queue_.size(); ++k) {
       const cv::Point p = queue_[k];
@@ -216,10 +227,31 @@ class NearHoles {
         if (found_[j] != 0 || z < 0 || z > DepthView::kSurelyMeasuredM || (torn && z == 0) ||
             (!labels.empty() && labels[j] == CellLabel::kStatic))
           continue;
-        found_[j] = 1;
+        found_[j] = z > 0 ? std::uint8_t{1} : body_or_room(q);
         queue_.push_back(q);
       }
     }
+  }
+
+  // Whether the pattern around a cell is the one that was there before: there the image shows the
+  // room. Depth, taken at another moment and from another place, has its hole beside the body.
+  bool looks_as_expected(const DepthCells& cells, const cv::Mat_<uchar>& gray,
+                         const cv::Point& p) const {
+    const cv::Rect image(0, 0, cells.width, cells.height);
+    const cv::Rect window =
+        cv::Rect(p.x - kPattern, p.y - kPattern, 2 * kPattern + 1, 2 * kPattern + 1) & image;
+    float n = 0, a = 0, b = 0, aa = 0, bb = 0, ab = 0;
+    for (int y = window.y; y < window.br().y; ++y)
+      for (int x = window.x; x < window.br().x; ++x) {
+        const float then = expected_[cells.index(x, y)], now = gray(y, x);
+        if (then == kUnknown) continue;
+        ++n, a += then, b += now, aa += then * then, bb += now * now, ab += then * now;
+      }
+    if (n < kFewestPattern) return false;
+    const float of_then = aa - a * a / n, of_now = bb - b * b / n, both = ab - a * b / n;
+    const float least = n * kLeastContrast * kLeastContrast;
+    return of_then > least && of_now > least && both > 0 &&
+           both * both > kAlike * kAlike * of_then * of_now;
   }
 
   // What was found goes on into the margin that is never measured.
@@ -229,21 +261,22 @@ class NearHoles {
       for (int x = 0; x < cells.width; ++x) {
         const cv::Point inside(std::clamp(x, view_.x, view_.br().x - 1),
                                std::clamp(y, view_.y, view_.br().y - 1));
-        if (found_[cells.index(inside.x, inside.y)] != 0 &&
+        if (found_[cells.index(inside.x, inside.y)] == 1 &&
             std::max(std::abs(x - inside.x), std::abs(y - inside.y)) <= kMarginCells)
           labels.set_near(x, y);
       }
   }
 
   SensorModel sensor_;
-  cv::Rect view_;                           // where depth is measured at all, cells
-  std::vector<std::uint8_t> found_, last_;  // of this frame and the one before, by cell
+  cv::Rect view_;  // where depth is measured at all, cells
+  // Of this frame and the one before, by cell: 1, too near; 2, in such a hole, but of the room.
+  std::vector<std::uint8_t> found_, last_;
   double judged_s_ = -std::numeric_limits<double>::infinity();
   // Scratch.
   std::vector<const DepthKeyView*> views_;
   std::vector<int> judged_, changed_;  // views, by cell
   std::vector<Pair> pairs_;
-  std::vector<float> off_;
+  std::vector<float> off_, expected_;  // gray levels; the latter by cell
   cv::Mat darkest_, brightest_;
   std::vector<int> cell_;
   std::vector<float> z_, least_step2_;
