@@ -45,7 +45,7 @@ class NearHoles {
             const DepthShot* shot, const FreeSpaceMap& map, CellLabels& labels) {
     std::swap(found_, last_);
     last_.resize(cells.size());
-    found_.assign(cells.size(), 0);
+    found_.assign(cells.size(), Found::kNothing);
     view_ = map.view() & cv::Rect(0, 0, cells.width, cells.height);
     if (!is_large(count_holes(cells), cells)) return false;
     views_.clear();
@@ -87,6 +87,11 @@ class NearHoles {
   static constexpr float kFewestPattern = 25, kLeastContrast = 8, kAlike = 0.7f;
   static constexpr int kNext[4][2] = {{-1, 0}, {1, 0}, {0, -1}, {0, 1}};
 
+  enum class Found : std::uint8_t {
+    kNothing,
+    kBody,  // too near
+    kRoom   // in such a hole, but the image shows the room there
+  };
   struct Hole {
     int cells = 0, judged = 0, changed = 0, at_border = 0, found_before = 0;
   };
@@ -185,7 +190,7 @@ class NearHoles {
       const std::size_t i = cells.index(p.x, p.y);
       const bool judged = judged_[i] >= kFewestViews;
       ++hole.cells, hole.judged += judged, hole.changed += judged && 2 * changed_[i] > judged_[i];
-      hole.at_border += !inner.contains(p), hole.found_before += last_[i] != 0;
+      hole.at_border += !inner.contains(p), hole.found_before += last_[i] != Found::kNothing;
       for (const auto& next : kNext) {
         const cv::Point q(p.x + next[0], p.y + next[1]);
         if (!view_.contains(q)) continue;
@@ -212,7 +217,7 @@ class NearHoles {
   // what may be too near. A torn cell does not lead to another one.
   void grow(const DepthCells& cells, const cv::Mat_<uchar>& gray, const CellLabels& labels) {
     const auto body_or_room = [&](const cv::Point& p) {
-      return static_cast<std::uint8_t>(looks_as_expected(cells, gray, p) ? 2 : 1);
+      return looks_as_expected(cells, gray, p) ? Found::kRoom : Found::kBody;
     };
     for (const cv::Point& p : queue_) found_[cells.index(p.x, p.y)] = body_or_room(p);
     const cv::Rect image(0, 0, cells.width, cells.height);
@@ -224,10 +229,10 @@ class NearHoles {
         if (!image.contains(q)) continue;
         const std::size_t j = cells.index(q.x, q.y);
         const float z = cells.depth_m[j];
-        if (found_[j] != 0 || z < 0 || z > DepthView::kSurelyMeasuredM || (torn && z == 0) ||
-            (!labels.empty() && labels[j] == CellLabel::kStatic))
+        if (found_[j] != Found::kNothing || z < 0 || z > DepthView::kSurelyMeasuredM ||
+            (torn && z == 0) || (!labels.empty() && labels[j] == CellLabel::kStatic))
           continue;
-        found_[j] = z > 0 ? std::uint8_t{1} : body_or_room(q);
+        found_[j] = z > 0 ? Found::kBody : body_or_room(q);
         queue_.push_back(q);
       }
     }
@@ -261,16 +266,15 @@ class NearHoles {
       for (int x = 0; x < cells.width; ++x) {
         const cv::Point inside(std::clamp(x, view_.x, view_.br().x - 1),
                                std::clamp(y, view_.y, view_.br().y - 1));
-        if (found_[cells.index(inside.x, inside.y)] == 1 &&
+        if (found_[cells.index(inside.x, inside.y)] == Found::kBody &&
             std::max(std::abs(x - inside.x), std::abs(y - inside.y)) <= kMarginCells)
           labels.set_near(x, y);
       }
   }
 
   SensorModel sensor_;
-  cv::Rect view_;  // where depth is measured at all, cells
-  // Of this frame and the one before, by cell: 1, too near; 2, in such a hole, but of the room.
-  std::vector<std::uint8_t> found_, last_;
+  cv::Rect view_;                    // where depth is measured at all, cells
+  std::vector<Found> found_, last_;  // of this frame and the one before, by cell
   double judged_s_ = -std::numeric_limits<double>::infinity();
   // Scratch.
   std::vector<const DepthKeyView*> views_;
