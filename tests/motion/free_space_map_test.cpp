@@ -9,6 +9,8 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
+#include "wall_cells.hpp"
+
 namespace {
 
 using stillpoint::CellLabel;
@@ -16,21 +18,7 @@ using stillpoint::CellLabels;
 using stillpoint::DepthCells;
 using stillpoint::FreeSpaceMap;
 using stillpoint::SensorModel;
-
-// 40 x 30 cells that see a wall across the view, `depth_m` away.
-DepthCells wall(float depth_m) {
-  DepthCells frame;
-  frame.width = 40, frame.height = 30;
-  frame.fx = frame.fy = 32;
-  frame.cx = 19.5f, frame.cy = 14.5f;
-  frame.depth_m.assign(frame.size(), depth_m);
-  for (int y = 0; y < frame.height; ++y)
-    for (int x = 0; x < frame.width; ++x) {
-      frame.ray_x.push_back((static_cast<float>(x) - frame.cx) / frame.fx);
-      frame.ray_y.push_back((static_cast<float>(y) - frame.cy) / frame.fy);
-    }
-  return frame;
-}
+using stillpoint::wall_cells;
 
 const Eigen::Vector2f kExact = Eigen::Vector2f::Zero();
 
@@ -50,9 +38,9 @@ Eigen::Isometry3d turned(double degrees, const Eigen::Vector3d& axis) {
 class FreeSpace : public testing::Test {
  protected:
   void remember(const std::vector<std::uint8_t>& dynamic) {
-    map_.add({0, Eigen::Isometry3d::Identity(), kExact}, wall(4), dynamic);
+    map_.add({0, Eigen::Isometry3d::Identity(), kExact}, wall_cells(4), dynamic);
   }
-  void remember() { remember(std::vector<std::uint8_t>(wall(4).size(), 0)); }
+  void remember() { remember(std::vector<std::uint8_t>(wall_cells(4).size(), 0)); }
 
   CellLabels judge(const Eigen::Isometry3d& T_world_camera, const DepthCells& frame) {
     CellLabels evidence;
@@ -79,7 +67,7 @@ class FreeSpace : public testing::Test {
 // Nothing is free where nobody knows how far beside the cells lie.
 TEST_F(FreeSpace, SaysNothingOfCellsThatMayLieAnywhere) {
   remember();
-  const DepthCells near = wall(2);
+  const DepthCells near = wall_cells(2);
   for (const float reach :
        {1e30f, std::numeric_limits<float>::infinity(), std::numeric_limits<float>::quiet_NaN()}) {
     CellLabels labels;
@@ -90,7 +78,7 @@ TEST_F(FreeSpace, SaysNothingOfCellsThatMayLieAnywhere) {
 
 TEST_F(FreeSpace, TellsWhatStoodThereFromWhatCame) {
   remember();
-  DepthCells frame = wall(4);
+  DepthCells frame = wall_cells(4);
   for (int y = 8; y < 20; ++y)
     for (int x = 5; x < 11; ++x) frame.depth_m[frame.index(x, y)] = 2;  // somebody
   frame.depth_m[frame.index(30, 10)] = 0;                               // not measured
@@ -103,10 +91,10 @@ TEST_F(FreeSpace, TellsWhatStoodThereFromWhatCame) {
 
 TEST_F(FreeSpace, KnowsThePlaceWhereverTheCameraGoes) {
   remember();
-  const CellLabels nearer = judge(forward(1), wall(3));
+  const CellLabels nearer = judge(forward(1), wall_cells(3));
   for (std::size_t i = 0; i < nearer.size(); ++i) EXPECT_EQ(nearer[i], CellLabel::kStatic);
   // From 1 m behind, the outer cells see what was not in view: u = cx + (x - cx) * 5 / 4.
-  const DepthCells frame = wall(5);
+  const DepthCells frame = wall_cells(5);
   expect(judge(forward(-1), frame), frame, [](int x, int y) {
     return x >= 5 && x <= 34 && y >= 4 && y <= 25 ? CellLabel::kStatic : CellLabel::kUnknown;
   });
@@ -116,19 +104,19 @@ TEST_F(FreeSpace, SaysNothingOfWhatWasNotInView) {
   remember();
   for (const Eigen::Vector3d axis : {Eigen::Vector3d::UnitX(), Eigen::Vector3d::UnitY()})
     for (const double degrees : {70.0, -70.0, 180.0, 90.0}) {
-      const DepthCells frame = wall(2);
+      const DepthCells frame = wall_cells(2);
       expect(judge(turned(degrees, axis), frame), frame,
              [](int, int) { return CellLabel::kUnknown; });
     }
   // A place right at the camera of before, and one a little behind it.
   for (const float z : {1.0f, 0.9f, 1.2f}) {
-    const DepthCells frame = wall(z);
+    const DepthCells frame = wall_cells(z);
     expect(judge(forward(-1), frame), frame, [](int, int) { return CellLabel::kUnknown; });
   }
 }
 
 TEST_F(FreeSpace, DoesNotTakeForStaticWhatWasDynamic) {
-  const DepthCells frame = wall(4);
+  const DepthCells frame = wall_cells(4);
   std::vector<std::uint8_t> dynamic(frame.size(), 0);
   for (int y = 0; y < frame.height; ++y)
     for (int x = 0; x < 20; ++x) dynamic[frame.index(x, y)] = 1;
@@ -138,7 +126,7 @@ TEST_F(FreeSpace, DoesNotTakeForStaticWhatWasDynamic) {
 }
 
 TEST_F(FreeSpace, KnowsWhatStoodAlone) {
-  const DepthCells frame = wall(4);
+  const DepthCells frame = wall_cells(4);
   std::vector<std::uint8_t> dynamic(frame.size(), 0), touching(frame.size(), 0);
   for (int y = 0; y < frame.height; ++y)
     for (int x = 0; x < 20; ++x) touching[frame.index(x, y)] = 1;
@@ -162,7 +150,7 @@ TEST_F(FreeSpace, KnowsWhatStoodAlone) {
 
 // Among three older frames in which it did not, too.
 TEST_F(FreeSpace, OneFrameInWhichItStoodAloneIsEnough) {
-  const DepthCells frame = wall(4);
+  const DepthCells frame = wall_cells(4);
   const std::vector<std::uint8_t> none(frame.size(), 0), all(frame.size(), 1);
   for (const double age_s : {1.6, 1.0, 0.6, 0.35, 0.2, 0.1})
     map_.add({0.1 - age_s, Eigen::Isometry3d::Identity(), kExact}, frame, none,
@@ -176,7 +164,7 @@ TEST_F(FreeSpace, OneFrameInWhichItStoodAloneIsEnough) {
 TEST_F(FreeSpace, DoesNotLookIntoTheFuture) {
   remember();
   CellLabels labels;
-  map_.judge({-0.1, Eigen::Isometry3d::Identity(), kExact}, wall(2), labels);
+  map_.judge({-0.1, Eigen::Isometry3d::Identity(), kExact}, wall_cells(2), labels);
   for (std::size_t i = 0; i < labels.size(); ++i) EXPECT_EQ(labels[i], CellLabel::kUnknown);
 }
 
@@ -184,21 +172,21 @@ TEST_F(FreeSpace, MovesTheNewestFrameAndForgetsAll) {
   remember();
   const DepthShot kept{0, forward(0.5), kExact}, left_out{0.01, forward(2), kExact};
   map_.correct(kept);
-  map_.add(left_out, wall(4), {});
+  map_.add(left_out, wall_cells(4), {});
   map_.correct(left_out);
-  const CellLabels moved = judge(forward(0.5), wall(5));
+  const CellLabels moved = judge(forward(0.5), wall_cells(5));
   for (std::size_t i = 0; i < moved.size(); ++i) EXPECT_EQ(moved[i], CellLabel::kUnknown);
-  const DepthCells frame = wall(4);
+  const DepthCells frame = wall_cells(4);
   expect(judge(forward(0.5), frame), frame, [](int, int) { return CellLabel::kStatic; });
   map_.clear();
   EXPECT_TRUE(map_.empty());
-  const CellLabels forgotten = judge(forward(0), wall(4));
+  const CellLabels forgotten = judge(forward(0), wall_cells(4));
   for (std::size_t i = 0; i < forgotten.size(); ++i) EXPECT_EQ(forgotten[i], CellLabel::kUnknown);
 }
 
 // A frame that sees a surface `depth_m` away and nothing at all in the cells of `hole`.
 DepthCells with_hole(float depth_m, const cv::Rect& hole) {
-  DepthCells frame = wall(depth_m);
+  DepthCells frame = wall_cells(depth_m);
   for (int y = hole.y; y < hole.y + hole.height; ++y)
     for (int x = hole.x; x < hole.x + hole.width; ++x) frame.depth_m[frame.index(x, y)] = -1;
   return frame;
@@ -208,7 +196,7 @@ class Holes : public FreeSpace {
  protected:
   // Lets the map see the end of the range, and forget all but that.
   void learn_range() {
-    map_.add({-2, Eigen::Isometry3d::Identity(), kExact}, wall(4),
+    map_.add({-2, Eigen::Isometry3d::Identity(), kExact}, wall_cells(4),
              std::vector<std::uint8_t>(1200, 1));
     map_.clear();
   }
@@ -259,7 +247,7 @@ TEST_F(Holes, StandInSpaceWhileTheCameraRotates) {
   const cv::Rect aside = large_ + cv::Point(10, 0);  // without the large one's middle
   DepthShot before{-1, Eigen::Isometry3d::Identity(), kExact};
   before.T_map_depth.rotate(
-      Eigen::AngleAxisd(-std::atan(10 / wall(4).fx), Eigen::Vector3d::UnitY()));
+      Eigen::AngleAxisd(-std::atan(10 / wall_cells(4).fx), Eigen::Vector3d::UnitY()));
   learn_range();
   map_.add(before, with_hole(3.8f, aside), none);
   EXPECT_EQ(now(with_hole(3.8f, large_), 2, none), CellLabel::kMoved);
@@ -283,7 +271,7 @@ TEST_F(Holes, SayNothingInARoomShorterThanTheRange) {
 TEST_F(Holes, SayNothingWhereTheDepthCameraDoesNotSee) {
   const DepthCells frame = with_hole(3.9f, {30, 0, 10, 30});
   const std::vector<std::uint8_t> none(frame.size(), 0);
-  DepthCells now = wall(3.9f);
+  DepthCells now = wall_cells(3.9f);
   for (int y = 0; y < now.height; ++y)
     for (int x = 30; x < now.width; ++x) now.depth_m[now.index(x, y)] = 2;
   const std::size_t in_margin = now.index(35, 15);
@@ -291,7 +279,7 @@ TEST_F(Holes, SayNothingWhereTheDepthCameraDoesNotSee) {
     map_.add({s, Eigen::Isometry3d::Identity(), kExact}, frame, none);
   EXPECT_EQ(judge(forward(0), now)[in_margin], CellLabel::kUnknown);
   // Where it has measured anything, it is no margin.
-  map_.add({0.05, Eigen::Isometry3d::Identity(), kExact}, wall(3.9f),
+  map_.add({0.05, Eigen::Isometry3d::Identity(), kExact}, wall_cells(3.9f),
            std::vector<std::uint8_t>(frame.size(), 1));
   map_.clear();
   for (const double s : {-1.0, 0.0})
@@ -313,19 +301,19 @@ TEST_F(Holes, AreNotBorderedByPeople) {
 
 TEST_F(Holes, TellFreeSpaceAgainSomeSecondsAfterANoisyPatch) {
   // A patch at 9 m in a room of 4 m, once: then the wall is no longer at the end of the range.
-  DepthCells noisy = wall(4);
+  DepthCells noisy = wall_cells(4);
   for (int y = 10; y < 14; ++y)
     for (int x = 10; x < 14; ++x) noisy.depth_m[noisy.index(x, y)] = 9;
   const std::vector<std::uint8_t> none(noisy.size(), 0);
   map_.add({-20, Eigen::Isometry3d::Identity(), kExact}, noisy, none);
   for (double t = -19.9; t < -2.5; t += 0.1)
-    map_.add({t, Eigen::Isometry3d::Identity(), kExact}, wall(4), none);
+    map_.add({t, Eigen::Isometry3d::Identity(), kExact}, wall_cells(4), none);
   EXPECT_EQ(after(with_hole(3.8f, large_), 2), CellLabel::kMoved);
 }
 
 TEST_F(FreeSpace, SaysNothingBesideASurfaceThatMayLieAside) {
   // A pillar at 2 m in cells 20 to 24; now it is seen three cells further right.
-  DepthCells before = wall(4), now = wall(4);
+  DepthCells before = wall_cells(4), now = wall_cells(4);
   for (int y = 0; y < 30; ++y)
     for (int x = 20; x < 25; ++x)
       before.depth_m[before.index(x, y)] = 2, now.depth_m[now.index(x + 3, y)] = 2;
@@ -340,9 +328,9 @@ TEST_F(FreeSpace, SaysNothingBesideASurfaceThatMayLieAside) {
 }
 
 TEST_F(FreeSpace, FindsWhoGoesStraightAwayButNotWhatComesIntoView) {
-  const std::vector<std::uint8_t> none(wall(4).size(), 0);
+  const std::vector<std::uint8_t> none(wall_cells(4).size(), 0);
   const auto person = [](float z) {
-    DepthCells frame = wall(4);
+    DepthCells frame = wall_cells(4);
     for (int y = 8; y < 20; ++y)
       for (int x = 10; x < 20; ++x) frame.depth_m[frame.index(x, y)] = z;
     return frame;
@@ -352,26 +340,26 @@ TEST_F(FreeSpace, FindsWhoGoesStraightAwayButNotWhatComesIntoView) {
              person(1.5f + 0.04f * static_cast<float>(i)), none);
   CellLabels labels;
   map_.judge({1, Eigen::Isometry3d::Identity(), kExact}, person(2.3f), labels);
-  EXPECT_EQ(labels[wall(4).index(15, 14)], CellLabel::kMoved);
+  EXPECT_EQ(labels[wall_cells(4).index(15, 14)], CellLabel::kMoved);
   // What he hid is in view again: it was as far behind him at any time.
   map_.clear();
   for (int i = 0; i < 20; ++i)
     map_.add({0.05 * i, Eigen::Isometry3d::Identity(), kExact}, person(2), none);
   map_.judge({1, Eigen::Isometry3d::Identity(), kExact}, person(2.4f), labels);
-  EXPECT_EQ(labels[wall(4).index(15, 14)], CellLabel::kUnknown);
+  EXPECT_EQ(labels[wall_cells(4).index(15, 14)], CellLabel::kUnknown);
 }
 
 // Six images, 1.6 to 0.1 s old, of a wall that was hidden, or away, in some of them.
 TEST_F(FreeSpace, BelievesTheOldestImages) {
-  const std::vector<std::uint8_t> none(wall(4).size(), 0);
+  const std::vector<std::uint8_t> none(wall_cells(4).size(), 0);
   const std::vector<double> ages_s = {1.6, 1.0, 0.6, 0.35, 0.2, 0.1};
   const auto label = [&](const std::vector<float>& seen_m) {
     map_.clear();
     for (std::size_t i = 0; i < ages_s.size(); ++i)
-      map_.add({2 - ages_s[i], Eigen::Isometry3d::Identity(), kExact}, wall(seen_m[i]), none);
+      map_.add({2 - ages_s[i], Eigen::Isometry3d::Identity(), kExact}, wall_cells(seen_m[i]), none);
     CellLabels labels;
-    map_.judge({2, Eigen::Isometry3d::Identity(), kExact}, wall(3), labels);
-    const std::size_t middle = wall(3).index(15, 14);
+    map_.judge({2, Eigen::Isometry3d::Identity(), kExact}, wall_cells(3), labels);
+    const std::size_t middle = wall_cells(3).index(15, 14);
     EXPECT_TRUE(labels.seen(middle));
     EXPECT_EQ(map_.settled(middle), labels[middle] != CellLabel::kMoved);
     return labels[middle];
@@ -385,18 +373,19 @@ TEST_F(FreeSpace, BelievesTheOldestImages) {
 }
 
 TEST_F(FreeSpace, RemembersSecondsNotFrames) {
-  const std::vector<std::uint8_t> none(wall(4).size(), 0);
+  const std::vector<std::uint8_t> none(wall_cells(4).size(), 0);
   for (const double hz : {10.0, 30.0, 60.0, 90.0}) {
     SCOPED_TRACE(hz);
     map_.clear();
     for (int i = 0; i < static_cast<int>(1.5 * hz); ++i)
-      map_.add({i / hz, Eigen::Isometry3d::Identity(), kExact}, i < 0.2 * hz ? wall(4) : wall(2),
+      map_.add({i / hz, Eigen::Isometry3d::Identity(), kExact},
+               i < 0.2 * hz ? wall_cells(4) : wall_cells(2),
                std::vector<std::uint8_t>(none.size(), i < 0.2 * hz ? 0 : 1));
     CellLabels labels;
-    map_.judge({1.5, Eigen::Isometry3d::Identity(), kExact}, wall(2), labels);
-    EXPECT_EQ(labels[wall(4).index(15, 14)], CellLabel::kMoved) << "1.4 s ago it was free";
-    map_.judge({3.5, Eigen::Isometry3d::Identity(), kExact}, wall(2), labels);
-    EXPECT_EQ(labels[wall(4).index(15, 14)], CellLabel::kUnknown) << "too long ago";
+    map_.judge({1.5, Eigen::Isometry3d::Identity(), kExact}, wall_cells(2), labels);
+    EXPECT_EQ(labels[wall_cells(4).index(15, 14)], CellLabel::kMoved) << "1.4 s ago it was free";
+    map_.judge({3.5, Eigen::Isometry3d::Identity(), kExact}, wall_cells(2), labels);
+    EXPECT_EQ(labels[wall_cells(4).index(15, 14)], CellLabel::kUnknown) << "too long ago";
   }
 }
 

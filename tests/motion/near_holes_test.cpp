@@ -8,6 +8,8 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
+#include "wall_cells.hpp"
+
 namespace {
 
 using stillpoint::CellLabel;
@@ -18,8 +20,8 @@ using stillpoint::FreeSpaceMap;
 using stillpoint::NearHoles;
 using stillpoint::SensorModel;
 
-constexpr int kWidth = 40, kHeight = 30;
-constexpr int kMargin = 2;  // cells on all sides that the depth camera never measures
+constexpr int kWidth = 40, kHeight = 30;  // of wall_cells()
+constexpr int kMargin = 2;                // cells on all sides that the depth camera never measures
 const cv::Rect kImage(0, 0, kWidth, kHeight);
 const cv::Rect kMeasured(kMargin, kMargin, kWidth - 2 * kMargin, kHeight - 2 * kMargin);
 // Who stands right before the lens, cut off by the left border.
@@ -29,21 +31,15 @@ const cv::Rect kClose(0, 0, 14, kHeight);
 class NearHolesTest : public testing::Test {
  protected:
   NearHolesTest() : room_(kHeight, kWidth) {
-    cells_.width = kWidth, cells_.height = kHeight;
-    cells_.fx = cells_.fy = 32, cells_.cx = 19.5f, cells_.cy = 14.5f;
     for (int y = 0; y < kHeight; ++y)
-      for (int x = 0; x < kWidth; ++x) {
-        cells_.ray_x.push_back((static_cast<float>(x) - cells_.cx) / cells_.fx);
-        cells_.ray_y.push_back((static_cast<float>(y) - cells_.cy) / cells_.fy);
+      for (int x = 0; x < kWidth; ++x)
         room_(y, x) = static_cast<uchar>(60 + (x / 4 + y / 4) % 2 * 60);
-      }
     set_depth(kImage, 3);
     for (int i = 0; i < 10; ++i) remember();
   }
 
   // A depth of -1 is a hole.
   void set_depth(const cv::Rect& area, float metres) {
-    cells_.depth_m.resize(cells_.size());
     for (int y = area.y; y < area.br().y; ++y)
       for (int x = area.x; x < area.br().x; ++x)
         cells_.depth_m[cells_.index(x, y)] = kMeasured.contains({x, y}) ? metres : -1;
@@ -76,7 +72,7 @@ class NearHolesTest : public testing::Test {
     return gray;
   }
 
-  DepthCells cells_;
+  DepthCells cells_ = stillpoint::wall_cells(3);
   cv::Mat_<uchar> room_;
   FreeSpaceMap map_{SensorModel::exact()};
   NearHoles near_{SensorModel::exact()};

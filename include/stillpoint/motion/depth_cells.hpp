@@ -21,6 +21,9 @@ namespace stillpoint {
 /// The depth of a frame averaged over square cells, as the motion check looks at it: motion blur of
 /// a few pixels is hardly seen there, and a whole frame is a few thousand cells.
 struct DepthCells {
+  /// From a cell to the four beside it: x, y.
+  static constexpr int kNext[4][2] = {{-1, 0}, {1, 0}, {0, -1}, {0, 1}};
+
   /// Side of a cell, pixels.
   int block_px = 8;
   int width = 0, height = 0;

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "stillpoint/motion/depth_cells.hpp"
+#include "stillpoint/motion/depth_holes.hpp"
 #include "stillpoint/sensor/sensor_model.hpp"
 
 namespace stillpoint {
@@ -30,14 +31,12 @@ class FarHoles {
   const std::vector<std::uint8_t>& find(double timestamp, const DepthCells& frame,
                                         const std::vector<std::uint8_t>& dynamic) {
     found_.assign(frame.size(), 0);
-    seen_.assign(frame.size(), 0);
     learn_range(timestamp, frame);
     learn_view(frame);
     if (range_m() < kEndReached * max_range_m_) return found_;
-    for (int y = view_.y; y < view_.br().y; ++y)
-      for (int x = view_.x; x < view_.br().x; ++x)
-        if (const std::size_t i = frame.index(x, y); frame.depth_m[i] < 0 && !seen_[i])
-          if (looks_far(frame, dynamic, x, y)) mark(frame);
+    holes_.for_each(frame, view_, [&](const std::vector<cv::Point>& hole) {
+      if (looks_far(frame, dynamic, hole)) mark(frame, hole);
+    });
     return found_;
   }
 
@@ -54,9 +53,6 @@ class FarHoles {
   static constexpr float kEndOfRange = 0.85f;
   static constexpr std::size_t kSmallestShare = 20;  // of the image: one in 20
   static constexpr int kFewestFar = 10;
-  struct Cell {
-    int x, y;
-  };
 
   // One far cell alone may be noise; what is not seen again for kMemoryS to twice that was noise,
   // too, or another room.
@@ -93,35 +89,27 @@ class FarHoles {
                      std::max(0, measured_.height - 2));
   }
 
-  // Collects the hole around a cell in queue_.
-  bool looks_far(const DepthCells& frame, const std::vector<std::uint8_t>& dynamic, int x0,
-                 int y0) {
+  // Whether a hole is large, and its border lies at the end of the range.
+  bool looks_far(const DepthCells& frame, const std::vector<std::uint8_t>& dynamic,
+                 const std::vector<cv::Point>& hole) const {
+    if (hole.size() * kSmallestShare < frame.size()) return false;
     int far = 0, near = 0;
-    queue_.assign(1, {x0, y0});
-    seen_[frame.index(x0, y0)] = 1;
-    for (std::size_t k = 0; k < queue_.size(); ++k) {
-      const Cell cell = queue_[k];
-      static constexpr int kNext[4][2] = {{-1, 0}, {1, 0}, {0, -1}, {0, 1}};
-      for (const auto& next : kNext) {
+    for (const cv::Point& cell : hole)
+      for (const auto& next : DepthCells::kNext) {
         const int x = cell.x + next[0], y = cell.y + next[1];
         if (!view_.contains({x, y})) continue;
         std::size_t i = frame.index(x, y);
-        if (frame.depth_m[i] < 0) {
-          if (!seen_[i]) queue_.push_back({x, y});
-          seen_[i] = 1;
-          continue;
-        }
+        if (frame.depth_m[i] < 0) continue;
         // The cell beside a hole is often torn: then the one after it tells.
         if (frame.depth_m[i] == 0) i = frame.index(x + next[0], y + next[1]);
         if (!(frame.depth_m[i] > 0) || dynamic[i] != 0) continue;
         ++(frame.depth_m[i] > kEndOfRange * range_m() ? far : near);
       }
-    }
-    return queue_.size() * kSmallestShare >= frame.size() && far >= kFewestFar && 2 * far >= near;
+    return far >= kFewestFar && 2 * far >= near;
   }
 
-  void mark(const DepthCells& frame) {
-    for (const Cell& cell : queue_) {
+  void mark(const DepthCells& frame, const std::vector<cv::Point>& hole) {
+    for (const cv::Point& cell : hole) {
       bool inner = true;
       for (int y = cell.y - 1; y <= cell.y + 1; ++y)
         for (int x = cell.x - 1; x <= cell.x + 1; ++x)
@@ -135,8 +123,8 @@ class FarHoles {
   cv::Rect measured_, view_;  // see learn_view()
   float recent_m_ = 0, earlier_m_ = 0;
   double since_s_ = -std::numeric_limits<double>::infinity();  // of recent_m_
-  std::vector<std::uint8_t> found_, seen_;
-  std::vector<Cell> queue_;
+  std::vector<std::uint8_t> found_;
+  DepthHoles holes_;
 };
 
 }  // namespace stillpoint

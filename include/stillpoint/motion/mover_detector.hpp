@@ -88,8 +88,7 @@ class MoverDetector {
       region.judged += labels[i] == CellLabel::kMoved || labels.seen(i);
       region.box |= cv::Rect(visit.x, visit.y, 1, 1);
       const int reach = static_cast<int>(settings_.growth_m * cells.fx / z);
-      static constexpr int kNext[4][2] = {{-1, 0}, {1, 0}, {0, -1}, {0, 1}};
-      for (const auto& next : kNext) {
+      for (const auto& next : DepthCells::kNext) {
         const int x = visit.x + next[0], y = visit.y + next[1];
         if (x < 0 || y < 0 || x >= cells.width || y >= cells.height) continue;
         const std::size_t j = cells.index(x, y);

@@ -16,6 +16,7 @@
 #include "stillpoint/core/depth_view.hpp"
 #include "stillpoint/motion/cell_projection.hpp"
 #include "stillpoint/motion/depth_cells.hpp"
+#include "stillpoint/motion/depth_holes.hpp"
 #include "stillpoint/motion/depth_key_view.hpp"
 #include "stillpoint/motion/depth_shot.hpp"
 #include "stillpoint/motion/free_space_map.hpp"
@@ -54,16 +55,12 @@ class NearHoles {
     expected_.assign(cells.size(), kUnknown);
     for (const DepthKeyView* view : views_) compare(cells, gray, *shot, *view);
     bool any = false;
-    seen_.assign(cells.size(), 0);
-    for (int y = view_.y; y < view_.br().y; ++y)
-      for (int x = view_.x; x < view_.br().x; ++x) {
-        const std::size_t i = cells.index(x, y);
-        if (!(cells.depth_m[i] < 0) || seen_[i] != 0) continue;
-        const Hole hole = collect(cells, x, y);
-        if (!is_large(hole.cells, cells) || !is_near(hole, timestamp)) continue;
-        grow(cells, gray, labels);
-        any = true;
-      }
+    holes_.for_each(cells, view_, [&](const std::vector<cv::Point>& hole) {
+      if (!is_large(static_cast<int>(hole.size()), cells) || !is_near(cells, hole, timestamp))
+        return;
+      grow(cells, gray, labels, hole);
+      any = true;
+    });
     if (any) mark(cells, labels);
     return any;
   }
@@ -85,15 +82,11 @@ class NearHoles {
   // Pattern: cells to each side, how many must be known, its contrast (gray levels), correlation.
   static constexpr int kPattern = 3;
   static constexpr float kFewestPattern = 25, kLeastContrast = 8, kAlike = 0.7f;
-  static constexpr int kNext[4][2] = {{-1, 0}, {1, 0}, {0, -1}, {0, 1}};
 
   enum class Found : std::uint8_t {
     kNothing,
     kBody,  // too near
     kRoom   // in such a hole, but the image shows the room there
-  };
-  struct Hole {
-    int cells = 0, judged = 0, changed = 0, at_border = 0, found_before = 0;
   };
   // Where a surface of an earlier view falls in the frame, and how much brighter than in that view
   // it is there: than the darkest, the brightest and the middle of nine cells.
@@ -179,43 +172,27 @@ class NearHoles {
     return *it;
   }
 
-  // The hole around a cell; its cells are in queue_.
-  Hole collect(const DepthCells& cells, int x0, int y0) {
-    Hole hole;
-    queue_.assign(1, {x0, y0});
-    seen_[cells.index(x0, y0)] = 1;
+  bool is_near(const DepthCells& cells, const std::vector<cv::Point>& hole, double timestamp) {
     const cv::Rect inner(view_.x + 1, view_.y + 1, view_.width - 2, view_.height - 2);
-    for (std::size_t k = 0; k < queue_.size(); ++k) {
-      const cv::Point p = queue_[k];
+    int judged = 0, changed = 0, at_border = 0, found_before = 0;
+    for (const cv::Point& p : hole) {
       const std::size_t i = cells.index(p.x, p.y);
-      const bool judged = judged_[i] >= kFewestViews;
-      ++hole.cells, hole.judged += judged, hole.changed += judged && 2 * changed_[i] > judged_[i];
-      hole.at_border += !inner.contains(p), hole.found_before += last_[i] != Found::kNothing;
-      for (const auto& next : kNext) {
-        const cv::Point q(p.x + next[0], p.y + next[1]);
-        if (!view_.contains(q)) continue;
-        const std::size_t j = cells.index(q.x, q.y);
-        if (!(cells.depth_m[j] < 0) || seen_[j] != 0) continue;
-        seen_[j] = 1;
-        queue_.push_back(q);
-      }
+      if (judged_[i] >= kFewestViews) ++judged, changed += 2 * changed_[i] > judged_[i];
+      at_border += !inner.contains(p), found_before += last_[i] != Found::kNothing;
     }
-    return hole;
-  }
-
-  bool is_near(const Hole& hole, double timestamp) {
-    if (hole.judged < kJudged * hole.cells)
-      return 2 * hole.found_before > hole.cells && timestamp - judged_s_ < kFollowedS;
+    const int n = static_cast<int>(hole.size());
+    if (judged < kJudged * n) return 2 * found_before > n && timestamp - judged_s_ < kFollowedS;
     // Who is so close is cut off by the border, over more than the side of a square as large.
-    const bool near =
-        hole.changed > kChanged * hole.judged && hole.at_border * hole.at_border > hole.cells;
+    const bool near = changed > kChanged * judged && at_border * at_border > n;
     if (near) judged_s_ = timestamp;
     return near;
   }
 
-  // Adds the cells of queue_, and what is measured of the same body: connected, not farther than
+  // Adds the cells of a hole, and what is measured of the same body: connected, not farther than
   // what may be too near. A torn cell does not lead to another one.
-  void grow(const DepthCells& cells, const cv::Mat_<uchar>& gray, const CellLabels& labels) {
+  void grow(const DepthCells& cells, const cv::Mat_<uchar>& gray, const CellLabels& labels,
+            const std::vector<cv::Point>& hole) {
+    queue_ = hole;
     const auto body_or_room = [&](const cv::Point& p) {
       return looks_as_expected(cells, gray, p) ? Found::kRoom : Found::kBody;
     };
@@ -224,7 +201,7 @@ class NearHoles {
     for (std::size_t k = 0; k < queue_.size(); ++k) {
       const cv::Point p = queue_[k];
       const bool torn = cells.depth_m[cells.index(p.x, p.y)] == 0;
-      for (const auto& next : kNext) {
+      for (const auto& next : DepthCells::kNext) {
         const cv::Point q(p.x + next[0], p.y + next[1]);
         if (!image.contains(q)) continue;
         const std::size_t j = cells.index(q.x, q.y);
@@ -284,8 +261,8 @@ class NearHoles {
   cv::Mat darkest_, brightest_;
   std::vector<int> cell_;
   std::vector<float> z_, least_step2_;
-  std::vector<std::uint8_t> seen_;
-  std::vector<cv::Point> queue_;
+  std::vector<cv::Point> queue_;  // see grow()
+  DepthHoles holes_;
 };
 
 }  // namespace stillpoint

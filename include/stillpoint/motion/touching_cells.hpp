@@ -39,7 +39,6 @@ class TouchingCells {
  private:
   static constexpr float kReachM = 0.35f;
   static constexpr float kPlaneSigmas = 2;  // of a pixel's depth; a cell is the mean of many
-  static constexpr int kNext[4][2] = {{-1, 0}, {1, 0}, {0, -1}, {0, 1}};
 
   struct Visit {
     int x, y, distance;
@@ -55,7 +54,7 @@ class TouchingCells {
       const Visit visit = queue_[k];
       const float z = cells.depth_m[cells.index(visit.x, visit.y)];
       if (!(z > 0) || visit.distance >= static_cast<int>(kReachM * cells.fx / z)) continue;
-      for (const auto& next : kNext) {
+      for (const auto& next : DepthCells::kNext) {
         const int x = visit.x + next[0], y = visit.y + next[1];
         if (!inside(cells, x, y)) continue;
         const std::size_t i = cells.index(x, y);
