@@ -58,6 +58,45 @@ configure_arguments() {
   fi
 }
 
+# Builds the command line in the folder $1, with all that it needs; its path is then in stillpoint.
+build_command_line() {
+  local build=$1 extra
+  install_packages "${packages_build[@]}"
+  read -ra extra <<<"$(configure_arguments | tr '\n' ' ')"
+  mkdir -p "$build"
+  echo "Building the command line in $build" >&2
+  if ! {
+    cmake -S "$root" -B "$build" "${extra[@]}" -DCMAKE_BUILD_TYPE=Release \
+      -DSTILLPOINT_BUILD_TESTS=OFF -DSTILLPOINT_BUILD_BENCHMARKS=OFF &&
+      cmake --build "$build" --parallel "$jobs" --target stillpoint_cli
+  } >"$build/log.txt" 2>&1; then
+    tail -n 40 "$build/log.txt" >&2
+    echo "The build failed; all of its output: $build/log.txt" >&2
+    exit 1
+  fi
+  stillpoint=$(find "$build/examples" -type f -name stillpoint -perm -u+x | head -n 1)
+}
+
+# Runs a command of the command line that fills the folder $1, unless the same program and options
+# have filled it already: they make the same files again.
+make_once() { # FOLDER COMMAND...
+  local folder=$1 made
+  shift
+  made="$* $(cksum <"$stillpoint")"
+  if [[ $(cat "$folder/made_by.txt" 2>/dev/null) != "$made" ]]; then
+    mkdir -p "$(dirname "$folder")"
+    "$stillpoint" "$@"
+    echo "$made" >"$folder/made_by.txt"
+  fi
+}
+
+# Renders a sequence into the folder $1 by the options of `stillpoint synth` after it, and adds the
+# folder to sequences.
+render() {
+  sequences+=("$1")
+  make_once "$1" synth "$@"
+}
+
 # Lets ccache keep objects that use a precompiled header, and find those of another folder of the
 # project: the test of `pip install .` compiles what the build has compiled.
 export CCACHE_SLOPPINESS=${CCACHE_SLOPPINESS:-pch_defines,time_macros}
