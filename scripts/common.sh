@@ -97,6 +97,12 @@ render() {
   make_once "$1" synth "$@"
 }
 
+# The same with an exposure, by a name that tells `stillpoint bench` that sequences differ in nothing
+# else.
+render_blurred() { # FOLDER MOTION FRAMES MS
+  render "$(printf '%s/%s_%02dms' "$1" "$2" "$4")" --motion "$2" --frames "$3" --shutter-ms "$4"
+}
+
 # Lets ccache keep objects that use a precompiled header, and find those of another folder of the
 # project: the test of `pip install .` compiles what the build has compiled.
 export CCACHE_SLOPPINESS=${CCACHE_SLOPPINESS:-pch_defines,time_macros}
