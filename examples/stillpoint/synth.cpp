@@ -83,7 +83,7 @@ void add_synth_command(CLI::App& app) {
       ->required()
       ->type_name("DIR");
   choices(command->add_option("--motion", options->motion,
-                              "How the camera moves; loop: around the room, 26 m  [xyz]"),
+                              "How the camera moves; loop: around the room, 27 m  [xyz]"),
           synthetic_motion_names());
   between(command->add_option("--people", s.people, "How many walk there, up to 20  [2]"), 0, 20);
   between(command->add_option("--frames", s.frames, "At 30 Hz  [150; loop: the whole way]"), 1,

@@ -4,7 +4,7 @@
 ros2 launch stillpoint_ros mask.launch.py color:=/camera/color/image_raw \
     depth:=/camera/aligned_depth_to_color/image_raw camera_info:=/camera/color/camera_info
 
-to:=rtabmap, to:=nvblox publish under the names that these read: see docs/ros2.md.
+to:=rtabmap, to:=nvblox publish under the names that these read.
 """
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
