@@ -72,7 +72,8 @@ class FrontEnd {
       const std::optional<Eigen::Isometry3d>& T_current_last = std::nullopt);
 
   /// The same with a segmentation that the caller brings. Throws Error if it does not fit the
-  /// frame.
+  /// frame. Its masks are shared, not copied: leave them as they are until the next frame, or what
+  /// instances() and objects() return may change with them.
   const DynamicMask& compute_mask(
       const RgbdFrame& frame, const Segmentation& segmentation,
       const std::optional<Eigen::Isometry3d>& T_current_last = std::nullopt);
@@ -89,7 +90,8 @@ class FrontEnd {
     const Selection& selection = filter_.filter(keypoints, mask(), settings().use_probability);
     FrameStats& stats = stats_of_frame();
     stats.probability_ms = stopwatch.lap_ms();
-    stats.status |= filter_.status();
+    constexpr std::uint32_t kOfTheFilter = kNoKeypoints | kKeypointFloor;
+    stats.status = (stats.status & ~kOfTheFilter) | filter_.status();
     stats.keypoints = static_cast<int>(selection.size());
     stats.kept = static_cast<int>(selection.kept.size());
     return selection;

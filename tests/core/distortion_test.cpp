@@ -45,6 +45,33 @@ TEST(Distortion, KnowsWhereALensCannotBeInverted) {
   EXPECT_GT(unseen, 0);
 }
 
+TEST(Distortion, InvertsAStrongPincushionOverTheWholeImage) {
+  Camera camera;
+  camera.fx = camera.fy = 330, camera.cx = 319.5, camera.cy = 239.5;
+  camera.k1 = 0.6, camera.p1 = 0.002, camera.p2 = -0.003;
+  for (int y = 0; y < 480; y += 13)
+    for (int x = 0; x < 640; x += 17) {
+      const Eigen::Vector2d raw(x, y), flat = stillpoint::undistort_pixel(camera, raw);
+      EXPECT_LT((stillpoint::distort_pixel(camera, flat) - raw).norm(), 1e-6) << x << ' ' << y;
+    }
+}
+
+TEST(Distortion, FindsNoRayBehindTheFoldOfALens) {
+  Camera camera;  // r (1 - 0.9 r^2 + 0.3 r^4) falls from r = 0.72 to 1.13, and rises again
+  camera.fx = camera.fy = 300, camera.cx = 319.5, camera.cy = 239.5;
+  camera.k1 = -0.9, camera.k2 = 0.3;
+  int seen = 0;
+  for (int y = 0; y < 480; y += 13)
+    for (int x = 0; x < 640; x += 17) {
+      const Eigen::Vector2d flat = stillpoint::undistort_pixel(camera, {x, y});
+      if (!flat.allFinite()) continue;
+      ++seen;
+      EXPECT_LT((flat - Eigen::Vector2d(camera.cx, camera.cy)).norm(), 0.723 * camera.fx)
+          << x << ' ' << y;
+    }
+  EXPECT_GT(seen, 0);
+}
+
 TEST(Distortion, FollowsBrownsFormula) {
   Camera camera;
   camera.k1 = 0.1, camera.k2 = 0.01, camera.k3 = 0.001, camera.p1 = 0.002, camera.p2 = -0.003;

@@ -99,7 +99,7 @@ TEST(Frame, RefusesNoNumber) {
   frame = good_frame();
   for (const double bad : {0.0, -5000.0, kNan}) {
     frame.depth_units_per_m = bad;
-    EXPECT_ERROR(check_frame(frame), "depth_units_per_m", "positive");
+    EXPECT_ERROR(check_frame(frame), "depth_units_per_m", "units per metre, 1 or more");
   }
   frame.depth = cv::Mat::zeros(4, 5, CV_32FC1);
   EXPECT_NO_THROW(check_frame(frame)) << "metres have no units";

@@ -315,6 +315,8 @@ TEST(FrontEnd, SaysWhatIsMissing) {
   front_end.select(Points());
   EXPECT_EQ(front_end.stats().status, kNoKeypoints);
   EXPECT_EQ(front_end.stats().keypoints, 0);
+  front_end.select(walk.keypoints(3));
+  EXPECT_EQ(front_end.stats().status, kOk) << "of the last select() only";
 
   front_end.compute_mask(walk.frame(30), Segmentation());
   EXPECT_TRUE(front_end.stats().status & kMaskStale);

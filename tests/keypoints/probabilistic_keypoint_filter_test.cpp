@@ -109,11 +109,12 @@ using Searches = ::testing::Types<GridNeighborSearch, SlowNeighborSearch>;
 TYPED_TEST_SUITE(KeypointFilter, Searches, SearchName);
 
 TYPED_TEST(KeypointFilter, IsThePapersFormula) {
-  std::vector<Settings> all(5);
+  std::vector<Settings> all(7);
   all[1].radius_px = 45, all[1].decay_per_px = 0.01f, all[1].threshold = 0.4f;
   all[2].weight = 3;  // clamped at 1
   all[3].decay_per_px = 0;
   all[4].radius_px = 3, all[4].threshold = 0;
+  all[5].radius_px = 200, all[6].radius_px = 640;
   int probable = 0, clamped = 0;
   for (Settings& settings : all) {
     settings.min_kept = 0;

@@ -105,6 +105,11 @@ TEST(BlurMeter, TakesTheExposureFromSettingsCameraOrFrameRate) {
   Camera camera = FlatScene().camera();
   camera.fps = 20;
   EXPECT_DOUBLE_EQ(BlurMeter({}, camera).exposure_s(), 0.025);
+  for (const double bad : {0.0, -30.0, kNaN}) {
+    Camera unknown = camera;
+    unknown.fps = bad;
+    EXPECT_ERROR(BlurMeter({}, unknown), "camera.fps", "more than 0");
+  }
   camera.exposure_s = 0.01;
   EXPECT_DOUBLE_EQ(BlurMeter({}, camera).exposure_s(), 0.01);
   BlurMeterSettings settings;

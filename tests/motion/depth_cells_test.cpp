@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+#include <cstddef>
 #include <cstdint>
 #include <opencv2/core.hpp>
 
@@ -114,6 +116,37 @@ TEST(DepthCells, AreTheMeansOfTheirPixels) {
         EXPECT_NEAR(cells.depth_m[cells.index(cx, cy)], expected, 1e-5) << cx << ", " << cy;
       }
   }
+}
+
+TEST(DepthCells, SayNothingWhereTheLensHasNoRay) {
+  Camera camera = small_camera();
+  camera.fx = camera.fy = 230, camera.k1 = -0.4;
+  RgbdFrame frame;
+  frame.color = cv::Mat(kHeight, kWidth, CV_8UC1, cv::Scalar(100));
+  frame.depth = cv::Mat(kHeight, kWidth, CV_16UC1, cv::Scalar(10000));
+  FrameContext context;
+  context.begin(frame, camera);
+  DepthCells cells;
+  cells.set(context.depth, kBlock);
+  int without = 0;
+  for (std::size_t i = 0; i < cells.size(); ++i) {
+    const bool ray = std::isfinite(cells.ray_x[i]) && std::isfinite(cells.ray_y[i]);
+    without += !ray;
+    EXPECT_EQ(cells.depth_m[i], ray ? 2.0f : 0.0f) << i;
+  }
+  EXPECT_GT(without, 0);
+  EXPECT_FALSE(std::isfinite(cells.ray_x[0]));
+}
+
+TEST(DepthCells, OfAnImageNarrowerThanACellAreNone) {
+  RgbdFrame frame;
+  frame.color = cv::Mat(40, 1, CV_8UC1, cv::Scalar(100));
+  frame.depth = cv::Mat(40, 1, CV_16UC1, cv::Scalar(10000));
+  FrameContext context;
+  context.begin(frame, Camera());
+  DepthCells cells;
+  cells.set(context.depth, kBlock);
+  EXPECT_EQ(cells.size(), 0u);
 }
 
 }  // namespace

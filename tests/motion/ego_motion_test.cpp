@@ -63,6 +63,25 @@ TEST(EgoMotion, OfSeveralPosesForAFrameTheLastCounts) {
   EXPECT_NEAR(d.ego.pose().translation().x(), 0.06, 1e-12);
 }
 
+TEST(EgoMotion, OfSeveralPosesForAFrameTheLastCountsWhereTheFirstIsFarOff) {
+  for (const bool predicted : {false, true}) {
+    SCOPED_TRACE(predicted);
+    Driver d;
+    d.track(0);
+    d.ego.correct(moved(0));
+    if (predicted)
+      d.track(0.1, moved(-0.08));
+    else
+      d.track(0.1);
+    const int chain = d.ego.chain();
+    d.ego.correct(moved(0.17));
+    d.ego.correct(moved(0.01));
+    EXPECT_NEAR(d.ego.motion()->translation().x(), -0.01, 1e-12);
+    EXPECT_NEAR(d.ego.pose().translation().x(), 0.01, 1e-12);
+    EXPECT_EQ(d.ego.chain(), predicted ? chain : chain - 1) << "bridged once";
+  }
+}
+
 TEST(EgoMotion, TellsTheRotationPerSecond) {
   Driver d;
   d.track(0);

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>
+#include <array>
 #include <cstdint>
 #include <limits>
 #include <opencv2/core.hpp>
@@ -370,6 +371,33 @@ TEST_F(FreeSpace, BelievesTheOldestImages) {
   EXPECT_EQ(label({3, 3, 3, 4, 4, 4}), CellLabel::kStatic) << "it was away for a moment";
   EXPECT_EQ(label({2, 3, 3, 2, 4, 2}), CellLabel::kUnknown) << "as often free as filled";
   EXPECT_EQ(label({2, 3, 2, 4, 4, 2}), CellLabel::kMoved);
+}
+
+TEST_F(FreeSpace, ForgetsAnImageWhoseStampWasWrong) {
+  const std::vector<std::uint8_t> none(wall_cells(4).size(), 0);
+  const auto add = [&](double timestamp, float wall_m) {
+    map_.add({timestamp, Eigen::Isometry3d::Identity(), kExact}, wall_cells(wall_m), none);
+  };
+  const auto oldest_s = [&](double now) {
+    std::vector<const stillpoint::DepthKeyView*> views;
+    map_.views_at(now, std::array<double, 1>{1.7}, views);
+    return views.empty() ? -1 : views[0]->shot.timestamp;
+  };
+  add(0.45, 4);  // of time 0
+  add(0.04, 2);
+  EXPECT_EQ(oldest_s(0.5), 0.45) << "one alone may be wrong itself";
+  add(0.08, 2);
+  EXPECT_EQ(oldest_s(0.5), 0.08);
+  for (int i = 3; i < 20; ++i) add(0.04 * i, 2);
+  CellLabels labels;
+  map_.judge({0.8, Eigen::Isometry3d::Identity(), kExact}, wall_cells(2), labels);
+  EXPECT_EQ(labels[wall_cells(2).index(15, 14)], CellLabel::kStatic);
+  add(0.2, 4);  // one that is too old is left out, and no other is forgotten for it
+  add(0.8, 2);
+  add(0.3, 4);
+  EXPECT_EQ(oldest_s(0.8), 0.08);
+  map_.judge({0.84, Eigen::Isometry3d::Identity(), kExact}, wall_cells(2), labels);
+  EXPECT_EQ(labels[wall_cells(2).index(15, 14)], CellLabel::kStatic);
 }
 
 TEST_F(FreeSpace, RemembersSecondsNotFrames) {

@@ -185,10 +185,11 @@ TEST(DetectionThread, EndsInAnyState) {
 
 TEST(DetectionThread, CopiesTheFrame) {
   GatedSegmenter segmenter;
-  std::atomic<int> color{-1}, depth{-1};
+  std::atomic<int> color{-1}, depth{-1}, gray{-1};
   segmenter.answer = [&](const RgbdFrame& frame) {
     if (frame.depth.empty()) return result({});
     color = frame.color.at<cv::Vec3b>(5, 5)[0];
+    gray = frame.gray.at<uchar>(5, 5);
     depth = frame.depth.at<std::uint16_t>(5, 5);
     EXPECT_EQ(frame.depth_units_per_m, 1000);
     EXPECT_EQ(frame.depth_timestamp, 0.01);
@@ -198,14 +199,17 @@ TEST(DetectionThread, CopiesTheFrame) {
   RgbdFrame frame;
   frame.color = cv::Mat(20, 30, CV_8UC3, cv::Scalar(7, 7, 7));
   frame.depth = cv::Mat(20, 30, CV_16UC1, cv::Scalar(1234));
+  frame.gray = cv::Mat(20, 30, CV_8UC1, cv::Scalar(9));
   frame.depth_units_per_m = 1000;
   frame.depth_timestamp = 0.01;
   thread.segment(frame);
-  frame.color.setTo(200), frame.depth.setTo(0);  // the host uses its buffers again
+  frame.color.setTo(200), frame.depth.setTo(0),
+      frame.gray.setTo(0);  // the host uses its buffers again
   segmenter.allow(1);
   while (depth < 0) std::this_thread::yield();
   EXPECT_EQ(color, 7);
   EXPECT_EQ(depth, 1234);
+  EXPECT_EQ(gray, 9);
   segmenter.allow(100);
   frame.depth = cv::Mat();
   EXPECT_NO_THROW(thread.segment(frame));

@@ -21,12 +21,12 @@ struct RgbdFrame {
   /// H x W, CV_8UC3 (BGR, as OpenCV loads it) or CV_8UC1 (grey).
   cv::Mat color;
   /// H x W, CV_16UC1 in `depth_units_per_m`, or CV_32FC1 in metres, or empty (a camera without
-  /// depth). 0 and NaN mean "no measurement".
+  /// depth). 0 and NaN mean "no measurement", and so does a float of 65 m or more.
   cv::Mat depth;
   /// Seconds; any origin, one clock for the whole run.
   double timestamp = 0;
-  /// Units of a 16-bit depth image per metre (5000: TUM, Bonn; 1000: millimetres). Not used for
-  /// CV_32FC1.
+  /// Units of a 16-bit depth image per metre, 1 or more (5000: TUM, Bonn; 1000: millimetres). Not
+  /// used for CV_32FC1.
   double depth_units_per_m = 5000;
   /// When the depth was measured, seconds of the same clock, at most kMostDepthOffsetS from
   /// `timestamp`; NaN: with the color. Kinects take the two up to 17 ms apart, and a camera that
@@ -112,10 +112,11 @@ inline void check_frame(const RgbdFrame& frame) {
     return "frame.depth: expected the size of frame.color, " + size_text(frame.color) + ", found " +
            size_text(frame.depth);
   });
-  detail::check(frame.depth.depth() != CV_16U || frame.depth_units_per_m > 0, [&] {
-    return "frame.depth_units_per_m: expected a positive number (5000 for TUM, 1000 for "
+  const double units = frame.depth_units_per_m;
+  detail::check(frame.depth.depth() != CV_16U || (units >= 1 && std::isfinite(units)), [&] {
+    return "frame.depth_units_per_m: expected units per metre, 1 or more (5000 for TUM, 1000 for "
            "millimetres), found " +
-           std::to_string(frame.depth_units_per_m);
+           std::to_string(units);
   });
 }
 

@@ -54,6 +54,7 @@ inline void collect_floor_samples(const DepthView& depth, const std::vector<Inst
       const std::uint16_t z = depth.row(p.y)[p.x];
       if (z == 0 || std::any_of(instances.begin(), instances.end(), covers)) continue;
       const Eigen::Vector2f ray = depth.ray(p);
+      if (!ray.allFinite()) continue;
       samples.push_back({ray.x(), ray.y(), 1 / depth.to_m(z)});
     }
 }

@@ -94,13 +94,15 @@ class ObjectDepthRange {
       ++measured;
       // In a bare box the person is in the middle columns.
       const bool middle = bare && 8 * std::abs(2 * (p.x - box.x) - box.width) < 3 * box.width;
-      const int bin = std::min(kBins - 1, static_cast<int>(units * bins_per_unit));
+      const int bin = bin_of(units * bins_per_unit);
       histogram_[slot(bin)] += middle ? 4 : 1;
       if (!is_static) states(cell) = kOnMask;
     });
     return measured >= 6 && measured * 5 >= all;
   }
 
+  // The bin of a depth in bins, 0 or more; the last one has all that is farther.
+  static int bin_of(float bins) { return static_cast<int>(std::min(kBins - 1.0f, bins)); }
   // The histogram has an empty bin at either end.
   static std::size_t slot(int bin) { return static_cast<std::size_t>(bin + 1); }
   int count(int bin) const { return histogram_[slot(bin)]; }
@@ -117,7 +119,7 @@ class ObjectDepthRange {
 
   int main_mode(float expected_m) const {
     if (expected_m > 0) {
-      const int at = std::min(kBins - 1, static_cast<int>(expected_m / kBinM));
+      const int at = bin_of(expected_m / kBinM);
       const int reach = static_cast<int>(0.35f / kBinM);
       const int from = std::max(0, at - reach), to = std::min(kBins - 1, at + reach);
       if (mass(from, to) * 8 > mass(0, kBins - 1)) return highest(from, to);

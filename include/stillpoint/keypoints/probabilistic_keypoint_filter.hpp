@@ -53,10 +53,11 @@ class ProbabilisticKeypointFilter {
     });
     // Weights by squared distance, in steps fine enough for a pixel's fraction near 0.
     const double r2_max = static_cast<double>(settings.radius_px) * settings.radius_px;
-    table_scale_ = r2_max > 0 ? static_cast<float>((kTableSize - 1) / r2_max) : 0;
-    table_.resize(kTableSize + 1);  // one more for the rounding of the squared distance
-    for (int i = 0; i <= kTableSize; ++i) {
-      const double r = r2_max > 0 ? std::sqrt(i * r2_max / (kTableSize - 1)) : 0;
+    const int steps = static_cast<int>(std::clamp(2 * r2_max, kFewestSteps, kMostSteps));
+    table_scale_ = r2_max > 0 ? static_cast<float>((steps - 1) / r2_max) : 0;
+    table_.resize(static_cast<std::size_t>(steps) + 1);  // one more for the rounding
+    for (int i = 0; i <= steps; ++i) {
+      const double r = r2_max > 0 ? std::sqrt(i * r2_max / (steps - 1)) : 0;
       table_[static_cast<std::size_t>(i)] = static_cast<std::int64_t>(
           std::llround(kOne * settings.weight * std::exp(-settings.decay_per_px * r)));
     }
@@ -85,7 +86,7 @@ class ProbabilisticKeypointFilter {
   std::uint32_t status() const { return status_; }
 
  private:
-  static constexpr int kTableSize = 4096;
+  static constexpr double kFewestSteps = 4096, kMostSteps = 1 << 20;
   static constexpr float kNearSteps = 3;
   static constexpr double kOne = 1 << 24;
 

@@ -38,6 +38,11 @@ class BlurMeter {
   explicit BlurMeter(const Settings& settings = {}, const Camera& camera = {})
       : settings_(settings), camera_(camera) {
     settings.check();
+    detail::check(camera.fps > 0 && std::isfinite(camera.fps), [&] {
+      return "camera.fps: expected frames per second, more than 0 (30 where it is not known), "
+             "found " +
+             std::to_string(camera.fps);
+    });
   }
 
   /// Exposure time that motions are measured by, seconds.

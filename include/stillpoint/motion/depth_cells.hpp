@@ -71,12 +71,13 @@ struct DepthCells {
     width = depth.size().width / block, height = depth.size().height / block;
     depth_m.resize(size());
     set_rays(depth.lens());
-    if (depth.empty()) {
+    if (depth.empty() || size() == 0) {
       std::fill(depth_m.begin(), depth_m.end(), 0.0f);
       return;
     }
     measure(depth, 0);
     if (const float noise = unusual_noise(); noise > 0) measure(depth, noise);
+    for (const std::size_t cell : without_ray_) depth_m[cell] = 0;
   }
 
  private:
@@ -157,11 +158,13 @@ struct DepthCells {
       return;
     fx = fx_now, fy = fy_now, cx = cx_now, cy = cy_now, distortion = now, rays_of_ = cells;
     ray_x.resize(size()), ray_y.resize(size());
+    without_ray_.clear();
     for (int y = 0; y < height; ++y)
       for (int x = 0; x < width; ++x) {
         const Eigen::Vector2f ray = lens.ray(b * static_cast<float>(x) + 0.5f * (b - 1),
                                              b * static_cast<float>(y) + 0.5f * (b - 1));
         ray_x[index(x, y)] = ray.x(), ray_y[index(x, y)] = ray.y();
+        if (!ray.allFinite()) without_ray_.push_back(index(x, y));
       }
   }
 
@@ -203,6 +206,7 @@ struct DepthCells {
   }
 
   cv::Size rays_of_;
+  std::vector<std::size_t> without_ray_;  // cells where the lens sees nothing
   // Of each column of a row of cells: the least depth (one less, so that 0, no measurement, is the
   // highest), the greatest one, how many there are, and their sum, in units.
   std::vector<std::uint16_t> lo_, hi_, count_;

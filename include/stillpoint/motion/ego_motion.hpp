@@ -72,6 +72,7 @@ class EgoMotion {
       cut();
       motion_.reset();
     }
+    tracked_ = motion_;
     before_ = T_world_camera_;
     step_s_ = step_s;
     apply();
@@ -175,8 +176,8 @@ class EgoMotion {
   }
 
   bool is_jump(const Eigen::Isometry3d& T_current_last) const {
-    if (!motion_) return is_cut(T_current_last);
-    const Eigen::Isometry3d off = T_current_last * motion_->inverse();
+    if (!tracked_) return is_cut(T_current_last);
+    const Eigen::Isometry3d off = T_current_last * tracked_->inverse();
     return !(off.translation().norm() < settings_.jump_m &&
              detail::rotation_angle(off.linear()) < settings_.jump_rad);
   }
@@ -203,6 +204,7 @@ class EgoMotion {
   void cut() {
     ++chain_;
     motion_.reset();
+    tracked_.reset();
     host_pose_.reset();
     last_host_pose_.reset();
   }
@@ -210,8 +212,9 @@ class EgoMotion {
   Settings settings_;
   CameraMotion camera_motion_;
   std::optional<CameraMotion::Estimate> measured_;
-  std::optional<Eigen::Isometry3d> predicted_;  // by the host
-  std::optional<Eigen::Isometry3d> motion_;
+  std::optional<Eigen::Isometry3d> predicted_;                // by the host
+  std::optional<Eigen::Isometry3d> motion_;                   // to the last frame
+  std::optional<Eigen::Isometry3d> tracked_;                  // the same before correct()
   std::optional<Eigen::Isometry3d> host_pose_;                // of the last frame
   std::optional<Eigen::Isometry3d> last_host_pose_;           // of the frame before
   Eigen::Isometry3d before_ = Eigen::Isometry3d::Identity();  // pose of the frame before the last

@@ -32,14 +32,14 @@ class FreeSpaceMap {
   explicit FreeSpaceMap(const SensorModel& sensor = {}) : sensor_(sensor), holes_(sensor) {}
 
   bool empty() const { return count_ == 0; }
-  void clear() { count_ = 0, next_ = 0; }
+  void clear() { count_ = 0, next_ = 0, older_ = 0; }
 
   /// Adds an image; `dynamic`: one byte per cell, not 0 = taken for dynamic in it. `touching`: the
   /// same for cells whose surface goes on into what is dynamic; may be empty. `gray`: their mean
   /// brightness; may be empty. Of a camera faster than 30 Hz not every image is kept. O(cells).
   void add(const DepthShot& shot, const DepthCells& cells, const std::vector<std::uint8_t>& dynamic,
            const std::vector<std::uint8_t>& touching = {}, const cv::Mat_<uchar>& gray = {}) {
-    if (count_ > 0 && shot.timestamp - views_[newest_].shot.timestamp < kLeastStepS) return;
+    if (count_ > 0 && !is_due(shot.timestamp)) return;
     if (views_.size() < kCapacity) views_.resize(kCapacity);
     DepthKeyView& view = views_[next_];
     newest_ = next_;
@@ -104,6 +104,19 @@ class FreeSpaceMap {
   static constexpr float kSurelyInRange = 0.8f;
   // A far hole stands if the view nearest to this age shows it; how old that must be.
   static constexpr double kStandsS = 1, kLeastStandsS = 0.9;
+
+  // Whether an image is to be kept. Two in a row that are older than the newest one say that its
+  // stamp was wrong: it is forgotten.
+  bool is_due(double timestamp) {
+    const double step_s = timestamp - views_[newest_].shot.timestamp;
+    if (step_s > -kLeastStepS) {
+      older_ = 0;
+      return step_s >= kLeastStepS;
+    }
+    if (++older_ < 2) return false;
+    older_ = 0, next_ = newest_, --count_;
+    return true;
+  }
 
   // Surfaces and free space of a new image. Nothing is known at the rim: it stands for all beyond.
   void fill(const DepthShot& shot, const DepthCells& cells,
@@ -175,6 +188,7 @@ class FreeSpaceMap {
   SensorModel sensor_;
   std::vector<DepthKeyView> views_;
   std::size_t count_ = 0, next_ = 0, newest_ = 0;
+  int older_ = 0;  // how many in a row were older than the newest
   FarHoles holes_;
   // Of find_standing(): the holes that stand, and a row of cells in the earlier view.
   std::vector<std::uint8_t> standing_;

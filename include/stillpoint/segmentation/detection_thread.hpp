@@ -65,6 +65,7 @@ class DetectionThread : public Segmenter {
       // Into the same memory, unless the segmenter kept a reference to it.
       detail::copy_apart(frame.color, next_.color);
       detail::copy_apart(frame.depth, next_.depth);
+      detail::copy_apart(frame.gray, next_.gray);
       next_.timestamp = frame.timestamp;
       next_.depth_timestamp = frame.depth_timestamp;
       next_.depth_units_per_m = frame.depth_units_per_m;

@@ -12,7 +12,7 @@ namespace stillpoint {
 struct LateSegmentationSettings {
   /// Predict its masks forward to frame t; else they are used where they were.
   bool predict = true;
-  /// An older one is dropped, as if it had not come.
+  /// An older one is dropped, as if it had not come, and one of more than 128 frames ago.
   double max_age_s = 1.5;
   /// A mask whose newest segmentation is older than this is widened...
   double widen_after_s = 0.5;
