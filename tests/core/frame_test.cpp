@@ -97,7 +97,7 @@ TEST(Frame, RefusesNoNumber) {
     EXPECT_ERROR(check_frame(frame), "frame.timestamp", "seconds");
   }
   frame = good_frame();
-  for (const double bad : {0.0, -5000.0, kNan}) {
+  for (const double bad : {0.0, -5000.0, 0.0002, 1 / 0.0, kNan}) {
     frame.depth_units_per_m = bad;
     EXPECT_ERROR(check_frame(frame), "depth_units_per_m", "units per metre, 1 or more");
   }

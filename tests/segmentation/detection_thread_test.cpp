@@ -203,8 +203,8 @@ TEST(DetectionThread, CopiesTheFrame) {
   frame.depth_units_per_m = 1000;
   frame.depth_timestamp = 0.01;
   thread.segment(frame);
-  frame.color.setTo(200), frame.depth.setTo(0),
-      frame.gray.setTo(0);  // the host uses its buffers again
+  // The host uses its buffers again.
+  frame.color.setTo(200), frame.depth.setTo(0), frame.gray.setTo(0);
   segmenter.allow(1);
   while (depth < 0) std::this_thread::yield();
   EXPECT_EQ(color, 7);
@@ -263,10 +263,16 @@ TEST(DetectionThread, GivesMasksThatNobodyWritesOver) {
     return result({person});
   };
   DetectionThread thread(segmenter);
-  segmenter.allow(100);
-  const Segmentation first = next_result(thread, frame_at(1));
-  next_result(thread, frame_at(2));
-  EXPECT_EQ(first.instances[0].mask.at<uchar>(0, 0), 255);
+  segmenter.allow(1);
+  thread.segment(frame_at(1));
+  ASSERT_TRUE(thread.wait_for_result(100));
+  const Segmentation first = thread.segment(frame_at(2));
+  segmenter.allow(1);
+  ASSERT_TRUE(thread.wait_for_result(100));
+  const Segmentation second = thread.segment(frame_at(3));
+  segmenter.allow(1);
+  EXPECT_EQ(first.instances.at(0).mask.at<uchar>(0, 0), 255);
+  EXPECT_EQ(second.instances.at(0).mask.at<uchar>(0, 0), 254);
 }
 
 TEST(DetectionThread, LetsTheSegmenterKeepAFrame) {
