@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <Eigen/LU>
+#include <cmath>
 #include <limits>
 
 #include "stillpoint/core/camera.hpp"
@@ -33,6 +34,10 @@ inline Eigen::Matrix2d distortion_slope(const Camera& camera, const Eigen::Vecto
 
 // Whether the radial distortion grows all the way: it does not fold back before.
 inline bool grows_until(const Camera& camera, double r2_end) {
+  const double most_bent =
+      r2_end * (3 * std::abs(camera.k1) +
+                r2_end * (5 * std::abs(camera.k2) + r2_end * 7 * std::abs(camera.k3)));
+  if (most_bent < 1) return true;  // as nearly always: trackers ask for each keypoint
   for (int i = 1; i <= 32; ++i) {
     const double r2 = r2_end * i / 32;
     if (!(1 + r2 * (3 * camera.k1 + r2 * (5 * camera.k2 + r2 * 7 * camera.k3)) > 0)) return false;
@@ -64,6 +69,7 @@ inline Eigen::Vector2d undistort_pixel(const Camera& camera, const Eigen::Vector
     p -= error;
   }
   if (!(error.squaredNorm() < 1e-18)) {
+    // Where the distortion grows fast these steps go too far; Newton's arrive.
     p = error = raw;
     for (int i = 0; i < 30 && !(error.squaredNorm() < 1e-20); ++i) {
       error = distort_normalized(camera, p) - raw;
