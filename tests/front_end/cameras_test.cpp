@@ -112,6 +112,56 @@ TEST(Cameras, AFrameWithoutDepthInATurnDoesNoHarm) {
   }
 }
 
+TEST(Cameras, DepthMayComeLessOftenThanColor) {
+  const Camera camera = camera_of(320);
+  const RoomCamera room(camera);
+  for (const int every : {2, 6}) {
+    SCOPED_TRACE(every);
+    FrontEnd front_end(FrontEndSettings(), camera);
+    const auto compute = [&](int i, bool somebody) {
+      RgbdFrame frame = room.frame(i / 30.0, turned(yaw_deg(i)));
+      if (somebody) frame.depth(cv::Rect(120, 60, 60, 160)).setTo(1.2);
+      if (i % every != 0) frame.depth = cv::Mat();
+      front_end.compute_mask(frame, kNothing);
+    };
+    for (int i = 0; i < 42; ++i) {
+      compute(i, false);
+      EXPECT_EQ(front_end.stats().mask_share, 0) << i;
+      const EgoMotion& ego = front_end.ego_motion();
+      ASSERT_EQ(ego.motion().has_value(), i >= every) << i;
+      if (i < every) continue;
+      // Between two depth images it goes on as before; the yaw is accelerated by up to 0.15 deg
+      // per frame and frame.
+      const int gap = i % every;
+      const double late_deg = 0.15 * gap * (gap + every) / 2;
+      const Eigen::Isometry3d off = ego.pose().inverse() * turned(yaw_deg(i) - yaw_deg(0));
+      EXPECT_LT(Eigen::AngleAxisd(off.linear()).angle() * 180 / CV_PI, 0.5 + late_deg) << i;
+      if (gap > 0) continue;
+      const double yaw_deg_s = 30 * (yaw_deg(i) - yaw_deg(i - every)) / every;
+      EXPECT_NEAR(ego.angular_velocity().y() * 180 / CV_PI, yaw_deg_s, 3) << i;
+    }
+    // Who comes in afterwards is found.
+    for (int i = 42; i < 54; i += every) {
+      compute(i, true);
+      EXPECT_EQ(front_end.mask().image.at<uchar>(140, 150), 255) << i;
+    }
+  }
+}
+
+TEST(Cameras, NothingIsAssumedWhereDepthStaysAway) {
+  const Camera camera = camera_of(320);
+  const RoomCamera room(camera);
+  FrontEnd front_end(FrontEndSettings(), camera);
+  for (int i = 0; i < 40; ++i) {
+    RgbdFrame frame = room.frame(i / 30.0, turned(yaw_deg(i)));
+    if (i >= 10 && i < 30) frame.depth = cv::Mat();
+    front_end.compute_mask(frame, kNothing);
+    EXPECT_EQ(front_end.stats().mask_share, 0) << i;
+    // The last depth is that of frame 9; 0.25 s are bridged.
+    EXPECT_EQ(front_end.ego_motion().motion().has_value(), (i > 0 && i < 17) || i > 30) << i;
+  }
+}
+
 TEST(Cameras, AWrongStampOfTheDepthDoesNoHarm) {
   const Camera camera = camera_of(320);
   const RoomCamera room(camera);

@@ -26,6 +26,9 @@ namespace stillpoint {
 /// images speak against it: a tracker that went with a person close by is not followed. What is not
 /// finite or no rigid motion is refused, and status() says so; it changes nothing.
 ///
+/// Where depth comes less often than color, corners are followed from depth image to depth image.
+/// In a frame between them the camera goes on as before, unless the host predicts its motion.
+///
 /// Poses have an origin of their own. They hang together from frame to frame as long as each motion
 /// is known; where one is not, chain() changes. Not thread-safe; one object per camera.
 class EgoMotion {
@@ -53,6 +56,9 @@ class EgoMotion {
     }
     const double step_s = now_s - last_s_;
     last_s_ = now_s;
+    std::optional<Eigen::Isometry3d> steady;
+    if (motion_) steady = moved(step_s).inverse();
+    extend_gap();
     last_host_pose_ = host_pose_;
     host_pose_.reset();
     predicted_.reset();
@@ -65,14 +71,16 @@ class EgoMotion {
     if (predicted_ && is_cut(*predicted_)) {
       cut();
       predicted_.reset();
+      steady.reset();
     }
-    measure(context);
-    motion_ = measured_ ? std::optional<Eigen::Isometry3d>(measured_->T_current_last) : predicted_;
-    if (motion_ && is_cut(*motion_)) {
-      cut();
-      motion_.reset();
-    }
-    tracked_ = motion_;
+    between_ = settings_.measure && !context.depth.any_measured();
+    measured_ = measure(context);
+    tracked_ = predicted_;
+    if (measured_) tracked_ = measured_->T_current_last * gap_.inverse();
+    if (tracked_ && is_cut(*tracked_)) cut();
+    const bool bridged = between_ && gap_s_ + step_s < kLongestGapS;
+    if (between_ && !bridged) camera_motion_.reset();
+    motion_ = bridged && !tracked_ ? steady : tracked_;
     before_ = T_world_camera_;
     step_s_ = step_s;
     apply();
@@ -102,17 +110,21 @@ class EgoMotion {
 
   /// Tells what was taken for dynamic in the last frame, CV_8UC1 of its size.
   void remember(const cv::Mat& dynamic) {
-    if (settings_.measure) camera_motion_.remember_dynamic(dynamic);
+    if (settings_.measure && !between_) camera_motion_.remember_dynamic(dynamic);
   }
 
   /// Maps points of the camera before the last frame into the last frame's; empty: not known.
   const std::optional<Eigen::Isometry3d>& motion() const { return motion_; }
-  /// The images' own motion to the last frame, if there is one.
+  /// The same from the last camera before it that had depth.
+  std::optional<Eigen::Isometry3d> motion_from_depth() const {
+    return motion_ ? std::optional<Eigen::Isometry3d>(*motion_ * gap_) : std::nullopt;
+  }
+  /// The images' own motion from depth to depth, if the last frame has one.
   const std::optional<CameraMotion::Estimate>& measured() const { return measured_; }
-  /// The host's prediction for the last frame, if there is one that the images do not speak
-  /// against.
+  /// The host's prediction of it, if there is one that the images do not speak against.
   std::optional<Eigen::Isometry3d> trusted_prediction() const {
-    return predicted_ && trusts(*predicted_) ? predicted_ : std::nullopt;
+    if (!predicted_ || !trusts(*predicted_)) return std::nullopt;
+    return *predicted_ * gap_;
   }
   CameraMotion& images() { return camera_motion_; }
 
@@ -120,23 +132,21 @@ class EgoMotion {
   const Eigen::Isometry3d& pose() const { return T_world_camera_; }
   /// Where it was, or will be, a moment from the last frame, at the velocity of its last motion.
   Eigen::Isometry3d pose_at(double timestamp) const {
-    Eigen::Isometry3d ahead = Eigen::Isometry3d::Identity();
     const double seconds = timestamp - last_s_;
     if (seconds == 0 || !motion_) return T_world_camera_;
-    ahead.linear() = detail::rotation_matrix(angular_velocity() * seconds);
-    ahead.translation() = motion_->inverse().translation() * (seconds / step_s_);
-    return T_world_camera_ * ahead;
+    return T_world_camera_ * moved(seconds);
   }
   /// The camera's rotation per second about its own axes, rad/s; 0 where it is not known.
   Eigen::Vector3d angular_velocity() const {
-    if (!motion_ || !(step_s_ > 0 && std::isfinite(step_s_))) return Eigen::Vector3d::Zero();
-    return detail::rotation_vector(motion_->linear()) / -step_s_;
+    const double seconds = span_s();
+    if (!motion_ || !(seconds > 0 && std::isfinite(seconds))) return Eigen::Vector3d::Zero();
+    return detail::rotation_vector(span().linear()) / -seconds;
   }
   /// Its speed, m/s; 0 where it is not known.
   double speed_m_s() const {
-    return motion_ && step_s_ > 0 && std::isfinite(step_s_)
-               ? motion_->translation().norm() / step_s_
-               : 0;
+    const double seconds = span_s();
+    return motion_ && seconds > 0 && std::isfinite(seconds) ? span().translation().norm() / seconds
+                                                            : 0;
   }
   /// Maps the world of these poses into the host's, by the last pose that the host told; empty:
   /// nothing is known of it.
@@ -152,11 +162,14 @@ class EgoMotion {
   void reset() {
     cut();
     camera_motion_.reset();
+    between_ = false;
     last_s_ = -std::numeric_limits<double>::infinity();
   }
 
  private:
   static constexpr double kRigid = 1e-3;  // how far a rotation matrix may be off one
+  // From depth to depth: 5 Hz are bridged. Corners of longer ago are not found again.
+  static constexpr double kLongestGapS = 0.25;
 
   static bool is_rigid(const Eigen::Isometry3d& T) {
     const Eigen::Matrix3d R = T.linear();
@@ -167,7 +180,7 @@ class EgoMotion {
   // Where its images show the same, a motion of the host's is as good as theirs or better.
   bool trusts(const Eigen::Isometry3d& T_current_last) const {
     return !measured_ ||
-           camera_motion_.support(T_current_last) > measured_->support - settings_.max_doubt;
+           camera_motion_.support(T_current_last * gap_) > measured_->support - settings_.max_doubt;
   }
 
   bool is_cut(const Eigen::Isometry3d& T) const {
@@ -182,14 +195,35 @@ class EgoMotion {
              detail::rotation_angle(off.linear()) < settings_.jump_rad);
   }
 
-  void measure(const FrameContext& context) {
-    measured_.reset();
-    if (!settings_.measure) return;
-    if (!context.depth.any_measured()) return camera_motion_.reset();
+  // What the velocity is taken from: a measured motion, or the host's.
+  Eigen::Isometry3d span() const { return measured_ ? *motion_ * gap_ : *motion_; }
+  double span_s() const { return measured_ ? step_s_ + gap_s_ : step_s_; }
+
+  // Where the camera will be in the last one's frame, at the velocity of the last motion.
+  Eigen::Isometry3d moved(double seconds) const {
+    Eigen::Isometry3d ahead = Eigen::Isometry3d::Identity();
+    ahead.linear() = detail::rotation_matrix(angular_velocity() * seconds);
+    ahead.translation() = span().inverse().translation() * (seconds / span_s());
+    return ahead;
+  }
+
+  // To be called before the last motion is replaced by the next one.
+  void extend_gap() {
+    if (!between_) {
+      gap_ = Eigen::Isometry3d::Identity();
+      gap_s_ = 0;
+      return;
+    }
+    if (motion_) gap_ = *motion_ * gap_;
+    gap_s_ += step_s_;
+  }
+
+  std::optional<CameraMotion::Estimate> measure(const FrameContext& context) {
+    if (!settings_.measure || between_) return std::nullopt;
     const Eigen::Isometry3d guess = predicted_ ? *predicted_
                                     : motion_  ? *motion_
                                                : Eigen::Isometry3d::Identity();
-    measured_ = camera_motion_.add(context, guess);
+    return camera_motion_.add(context, guess * gap_);
   }
 
   void apply() {
@@ -220,7 +254,11 @@ class EgoMotion {
   Eigen::Isometry3d before_ = Eigen::Isometry3d::Identity();  // pose of the frame before the last
   Eigen::Isometry3d T_world_camera_ = Eigen::Isometry3d::Identity();
   double last_s_ = -std::numeric_limits<double>::infinity();
-  double step_s_ = 0;  // to the last frame from the one before
+  double step_s_ = 0;     // to the last frame from the one before
+  bool between_ = false;  // the last frame has no depth, and is to be measured
+  // From the last camera that had depth, before the last frame, to the frame before the last.
+  Eigen::Isometry3d gap_ = Eigen::Isometry3d::Identity();
+  double gap_s_ = 0;
   std::optional<Eigen::Isometry3d> T_host_world_;
   int chain_ = 0, host_chain_ = 0;  // of T_host_world_
   std::uint32_t status_ = kOk;

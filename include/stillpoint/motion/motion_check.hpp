@@ -61,7 +61,6 @@ class MotionCheck {
   /// reference stays valid until the next call. Call remember() afterwards.
   const std::vector<Instance>& find(FrameContext& context, EgoMotion& ego) {
     detector_.clear();
-    if (!judged_) outliers_.clear();
     judged_ = false;
     if (!context.depth.any_measured()) return detector_.found();
     if (context.size() != size_ || context.frame.timestamp <= last_s_ || std::isinf(last_s_)) {
@@ -78,6 +77,7 @@ class MotionCheck {
     if (ego.chain() != chain_ && !map_.empty()) {
       // The host may yet tell the pose that is missing.
       if (!ego.motion()) {
+        outliers_.clear();
         find_near(nullptr, context);
         return detector_.found();
       }
@@ -176,9 +176,10 @@ class MotionCheck {
   // into: a large mover must not drag the camera's pose along. Empty: none.
   const std::vector<std::uint8_t>& find_moving(const EgoMotion& ego) {
     moving_.clear();
-    if (outliers_.empty() || !ego.motion()) return moving_;
+    const std::optional<Eigen::Isometry3d> T_now_last = ego.motion_from_depth();
+    if (outliers_.empty() || !T_now_last) return moving_;
     moving_.resize(cells_.size());
-    const Eigen::Isometry3f T = ego.motion()->cast<float>();
+    const Eigen::Isometry3f T = T_now_last->cast<float>();
     for (const Eigen::Vector3f& last : outliers_) {
       const Eigen::Vector3f now = T * last;
       if (!(now.z() > 0)) continue;
