@@ -96,7 +96,7 @@ class FrontEndPipeline {
   void process(const RgbdFrame& frame, const Segmentation& segmentation,
                const std::optional<Eigen::Isometry3d>& T_current_last) {
     check_frame(frame, camera_);
-    check_segmentation(segmentation, frame.color.size());
+    check_segmentation(segmentation, frame);
     tracker_.finish(place());
     Stopwatch stopwatch;
     context_.begin(frame, camera_);

@@ -293,6 +293,22 @@ TEST(FrontEnd, TakesOtherMasksOfTheSegmenterForAFailure) {
   EXPECT_NE(front_end.stats().segmenter_error.find(".box"), std::string::npos);
 }
 
+TEST(FrontEnd, RefusesMasksOfALaterImage) {
+  const Walk walk;
+  Segmentation later = result(walk.people(1));
+  later.timestamp = Walk::time(1);
+  FakeSegmenter segmenter;
+  segmenter.answer = [&](const RgbdFrame&) { return later; };
+  FrontEnd front_end({}, walk.scene.camera(), &segmenter);
+  EXPECT_ERROR(front_end.compute_mask(walk.frame(0), later), "segmentation.timestamp",
+               "at most the frame's", "0.033333 s after it");
+  front_end.compute_mask(walk.frame(0));
+  EXPECT_EQ(front_end.stats().status, kSegmenterFailed | kNoSegmentation | kNeverSegmented);
+  EXPECT_NE(front_end.stats().segmenter_error.find("0.033333 s after it"), std::string::npos);
+  front_end.compute_mask(walk.frame(1));
+  EXPECT_EQ(front_end.stats().status, kOk) << "its own";
+}
+
 TEST(FrontEnd, SaysWhatIsMissing) {
   const Walk walk;
   FrontEndSettings settings;

@@ -43,7 +43,7 @@ struct Segmentation {
   /// network ran and saw nobody.
   bool available = false;
   /// Timestamp of the frame that was segmented, seconds; NaN: of the frame that it is given with.
-  /// An earlier frame's masks are predicted forward.
+  /// An earlier frame's masks are predicted forward; a later one's are an Error.
   double timestamp = std::numeric_limits<double>::quiet_NaN();
   std::vector<Instance> instances{};
 };
@@ -121,6 +121,18 @@ inline void check_segmentation(const Segmentation& segmentation, cv::Size size) 
                            ", found " + detail::type_text(s.mask) + " " + detail::size_text(s.mask);
                   });
   }
+}
+
+/// The same for the segmentation of a frame, which must not be stamped later than the frame, but
+/// for rounding: masks of a later image, or the time at which a result arrived.
+inline void check_segmentation(const Segmentation& segmentation, const RgbdFrame& frame) {
+  constexpr double kRoundingS = 1e-3;
+  detail::check(!(segmentation.timestamp > frame.timestamp + kRoundingS), [&] {
+    return "segmentation.timestamp: expected that of the image that was segmented, at most the "
+           "frame's, found " +
+           std::to_string(segmentation.timestamp - frame.timestamp) + " s after it";
+  });
+  check_segmentation(segmentation, frame.color.size());
 }
 
 }  // namespace stillpoint

@@ -72,7 +72,7 @@ class DepthMaskFuser {
   /// mask; it is no instance.
   const DynamicMask& fuse(const FrameContext& context, const Segmentation& segmentation,
                           bool use_depth = true, int widening_px = 0) {
-    check_segmentation(segmentation, context.size());
+    check_segmentation(segmentation, context.frame);
     widening_px = std::max(0, widening_px);
     mask_.timestamp = context.frame.timestamp;
     mask_.age_s = 0;

@@ -72,7 +72,7 @@ class SegmentationCompensator {
   /// name is cleared there but for its rim.
   const Segmentation& mend(const FrameContext& context, const Segmentation& segmentation) {
     const cv::Size size = context.size();
-    check_segmentation(segmentation, size);
+    check_segmentation(segmentation, context.frame);
     begin(context, segmentation);
     const std::optional<Eigen::Isometry3d> T =
         camera_.valid() ? context.T_current_last : std::nullopt;

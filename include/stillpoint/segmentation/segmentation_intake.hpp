@@ -49,7 +49,7 @@ class SegmentationIntake {
     may_be_late_ = true;
     try {
       asked_ = segmenter->segment(frame);
-      check_segmentation(asked_, frame.color.size());
+      check_segmentation(asked_, frame);
       return asked_;
     } catch (const std::exception& error) {
       error_ = error.what();
