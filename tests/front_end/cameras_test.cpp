@@ -148,6 +148,30 @@ TEST(Cameras, DepthMayComeLessOftenThanColor) {
   }
 }
 
+TEST(Cameras, AMotionInMillimetresIsRefused) {
+  const Camera camera = camera_of(320);
+  const RoomCamera room(camera);
+  FrontEnd front_end(FrontEndSettings(), camera);
+  const auto pose = [](int i) { return turned(yaw_deg(i), 0.01 * i); };
+  for (int i = 0; i < 30; ++i) {
+    Eigen::Isometry3d motion = Eigen::Isometry3d::Identity();
+    if (i > 0) motion = pose(i).inverse() * pose(i - 1);
+    motion.translation() *= 1000;
+    front_end.compute_mask(room.frame(i / 30.0, pose(i)), kNothing, motion);
+    EXPECT_EQ(front_end.stats().mask_share, 0) << i;
+    if (i == 0) continue;
+    EXPECT_TRUE(front_end.stats().status & kPoseRefused) << i;
+    ASSERT_TRUE(front_end.ego_motion().motion().has_value()) << i;
+    EXPECT_NEAR(front_end.ego_motion().speed_m_s(), 0.3, 0.1) << i;
+  }
+  // A cut, to another place, is one.
+  const int chain = front_end.ego_motion().chain();
+  const Eigen::Isometry3d there = turned(150);
+  front_end.compute_mask(room.frame(1, there), kNothing, there.inverse() * pose(29));
+  EXPECT_FALSE(front_end.stats().status & kPoseRefused);
+  EXPECT_NE(front_end.ego_motion().chain(), chain);
+}
+
 TEST(Cameras, NothingIsAssumedWhereDepthStaysAway) {
   const Camera camera = camera_of(320);
   const RoomCamera room(camera);

@@ -20,7 +20,7 @@ enum FrameStatus : std::uint32_t {
   kKeypointFloor = 1u << 7,    ///< too few static keypoints: the least dynamic ones were kept too
   kSegmenterFailed = 1u << 8,  ///< the segmenter threw; its message is in FrameStats
   kTimestampOrder = 1u << 9,   ///< timestamp not after the last one: history was forgotten
-  kPoseRefused = 1u << 10,     ///< the host told a pose that is not finite or no rigid motion
+  kPoseRefused = 1u << 10,     ///< a pose of the host's is not finite, no rigid motion, or leaps
   kObjectDoubted = 1u << 11,   ///< an object that suddenly covered much of the image was left out
 };
 

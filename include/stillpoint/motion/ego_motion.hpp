@@ -24,7 +24,8 @@ namespace stillpoint {
 /// The images' own motion is taken where they show enough, else the host's prediction. The pose
 /// that the host tracked (correct()) is better and taken afterwards, unless it is a jump, or the
 /// images speak against it: a tracker that went with a person close by is not followed. What is not
-/// finite or no rigid motion is refused, and status() says so; it changes nothing.
+/// finite or no rigid motion is refused, and status() says so; it changes nothing. So is a
+/// prediction of metres (in millimetres, say) between images that show the same.
 ///
 /// Where depth comes less often than color, corners are followed from depth image to depth image.
 /// In a frame between them the camera goes on as before, unless the host predicts its motion.
@@ -68,13 +69,16 @@ class EgoMotion {
       else
         status_ |= kPoseRefused;
     }
-    if (predicted_ && is_cut(*predicted_)) {
-      cut();
-      predicted_.reset();
-      steady.reset();
-    }
+    const bool leaps = predicted_ && is_cut(*predicted_);
+    if (leaps) predicted_.reset(), steady.reset();
     between_ = settings_.measure && !context.depth.any_measured();
     measured_ = measure(context);
+    if (leaps) {
+      if (measured_ && measured_->support > kSure)
+        status_ |= kPoseRefused;
+      else
+        cut();
+    }
     tracked_ = predicted_;
     if (measured_) tracked_ = measured_->T_current_last * gap_.inverse();
     if (tracked_ && is_cut(*tracked_)) cut();
@@ -168,6 +172,8 @@ class EgoMotion {
 
  private:
   static constexpr double kRigid = 1e-3;  // how far a rotation matrix may be off one
+  // Images that show so much of the same belong together, whatever the host predicts.
+  static constexpr double kSure = 0.5;
   // From depth to depth: 5 Hz are bridged. Corners of longer ago are not found again.
   static constexpr double kLongestGapS = 0.25;
 
