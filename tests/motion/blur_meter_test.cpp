@@ -171,6 +171,14 @@ TEST(BlurMeter, TheReferenceFollowsTheScene) {
   EXPECT_EQ(meter.measure(moved(sharp, t + 0.033, {9, 9}), {}).whole.sharpness, 1);
 }
 
+TEST(BlurMeter, ForgetsTheSceneWhereTimeGoesBack) {
+  const RgbdFrame sharp = tiles(10);
+  BlurMeter meter;
+  meter.measure(sharp, {});
+  EXPECT_LT(meter.measure(moved(sharp, 10.033, {9, 9}), {}).whole.sharpness, 0.6);
+  EXPECT_EQ(meter.measure(moved(sharp, 5, {9, 9}), {}).whole.sharpness, 1) << "nothing to compare";
+}
+
 TEST(BlurMeter, TellsPartsOfTheImageApart) {
   const RgbdFrame sharp = tiles(1);
   RgbdFrame half = sharp;

@@ -78,12 +78,12 @@ class BlurMeter {
 
  private:
   void learn_sharpness(double since_s) {
+    double& reference = blur_.reference;
+    // Slowly forgotten, as the camera comes to see other things, and at once where time goes back;
+    // half way up at once, as one odd image must not blur all others.
+    reference *= since_s > 0 ? std::exp(-since_s / kMemoryS) : 0;
     const double sharp = ImageBlur::ratio(blur_.total);
     if (std::isnan(sharp)) return;
-    double& reference = blur_.reference;
-    // Slowly forgotten, as the camera comes to see other things; half way up at once, as one odd
-    // image must not blur all others.
-    if (since_s > 0) reference *= std::exp(-since_s / kMemoryS);
     if (!(reference > 0))
       reference = sharp;
     else if (sharp > reference)
