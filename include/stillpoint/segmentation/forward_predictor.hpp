@@ -84,6 +84,8 @@ class ForwardPredictor {
   std::uint32_t status() const { return status_; }
 
  private:
+  static constexpr int kMostReachPx = 200;  // of the search for who may have gone far, at 640 wide
+
   // An object's own displacement: in the image (pixels), and away from the camera (metres).
   struct Displacement {
     cv::Point2d place;
@@ -216,8 +218,9 @@ class ForwardPredictor {
     }
     const double px_per_m = depth.focal_px() / object_.depth_m();
     const double seconds = frames_.newest().timestamp - frames_[then].timestamp;
+    const double most_px = scaled_px(kMostReachPx, context.size());
     const int reach =
-        static_cast<int>(std::min(200.0, compensation_.max_speed_m_s * px_per_m * seconds));
+        static_cast<int>(std::min(most_px, compensation_.max_speed_m_s * px_per_m * seconds));
     const int search_px = scaled_px(compensation_.search_px, context.size());
     const float step =
         static_cast<float>(std::min(0.5, 0.5 * compensation_.max_speed_m_s * seconds));

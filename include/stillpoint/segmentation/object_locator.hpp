@@ -53,13 +53,15 @@ class ObjectLocator {
   /// O(search places x 300 points).
   bool locate_far(const DepthView& depth, int reach_px, RememberedObject& object) {
     set_probes(depth, object);
-    static constexpr int kStep = 16;
+    const int step = scaled_px(kFarStepPx, depth.size()),
+              price = scaled_px(kFarPricePx, depth.size());
     cv::Point start(0, 0);
     int best = support(depth, start).score;
-    for (int y = -reach_px / 3 / kStep; y <= reach_px / 3 / kStep; ++y)
-      for (int x = -reach_px / kStep; x <= reach_px / kStep; ++x) {
-        const cv::Point shift(x * kStep, y * kStep);
-        const int score = support(depth, shift).score - (std::abs(shift.x) + std::abs(shift.y)) / 8;
+    for (int y = -reach_px / 3 / step; y <= reach_px / 3 / step; ++y)
+      for (int x = -reach_px / step; x <= reach_px / step; ++x) {
+        const cv::Point shift(x * step, y * step);
+        const int score =
+            support(depth, shift).score - (std::abs(shift.x) + std::abs(shift.y)) / price;
         if (score > best) best = score, start = shift;
       }
     object.shift_prediction(start);
@@ -123,6 +125,9 @@ class ObjectLocator {
   }
 
  private:
+  // In an image 640 wide: from place to place of a far search, and what costs one of 300 points.
+  static constexpr int kFarStepPx = 16, kFarPricePx = 8;
+
   struct Support {
     int agree = 0, measured = 0;
     int score = 0;
