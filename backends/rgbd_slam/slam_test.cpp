@@ -284,4 +284,16 @@ TEST(SlamSystem, NeverWritesIntoTheCallersImage) {
   }
 }
 
+TEST(SlamSystem, RefusesANoiseThatNoSensorHas) {
+  for (const double sigma : {0.0, -1.0, std::nan("")})
+    for (double NoiseModel::*member : {&NoiseModel::sigma_px, &NoiseModel::sigma_refined_px}) {
+      SlamSystem::Settings settings;
+      settings.noise.*member = sigma;
+      EXPECT_THROW(SlamSystem(camera(), settings), Error);
+    }
+  SlamSystem::Settings settings;
+  settings.noise.sensor.depth_square = -1;
+  EXPECT_THROW(SlamSystem(camera(), settings), Error);
+}
+
 }  // namespace

@@ -15,9 +15,14 @@ struct Start {
 };
 
 Start start_among_movers(const SlamSystem::Settings& settings, double covered_s, double rate_hz,
-                         double speed_m_s = 0.47) {
+                         double speed_m_s = 0.47, double blind_s = 0) {
   SlamSystem slam(camera(), settings);
   Start start;
+  for (double t = -blind_s; t < -1e-6; t += 1 / rate_hz) {
+    RgbdFrame black = render(path_at(0), t);
+    black.color.setTo(0);
+    EXPECT_FALSE(feed(slam, black));
+  }
   for (int step = 0; step < 3 * rate_hz; ++step) {
     const double t = step / rate_hz;
     const Eigen::Isometry3d T = path_at(t);
@@ -38,8 +43,9 @@ Start start_among_movers(const SlamSystem::Settings& settings, double covered_s,
   return start;
 }
 
-void expect_corrected(const SlamSystem::Settings& settings, double covered_s, double rate_hz) {
-  const Start start = start_among_movers(settings, covered_s, rate_hz);
+void expect_corrected(const SlamSystem::Settings& settings, double covered_s, double rate_hz,
+                      double blind_s = 0) {
+  const Start start = start_among_movers(settings, covered_s, rate_hz, 0.47, blind_s);
   ASSERT_EQ(start.finished.size(), start.tracked.size());
   EXPECT_GT(worst_error(start.tracked), 0.08) << "or there is nothing to correct";
   EXPECT_LT(worst_error(start.finished), 0.05);
@@ -51,6 +57,10 @@ void expect_corrected(const SlamSystem::Settings& settings, double covered_s, do
 TEST(SlamSystem, CorrectsAStartThatWentAlongWithAMover) {
   expect_corrected(small_settings(), 8 / 30.0, 30);
   expect_corrected(threaded_settings(), 8 / 30.0, 30);
+}
+
+TEST(SlamSystem, CorrectsAStartAfterALensThatWasCovered) {
+  expect_corrected(small_settings(), 8 / 30.0, 30, 2);
 }
 
 // Keyframes that are 10 frames later have the mover in their map, too.

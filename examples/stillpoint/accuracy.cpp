@@ -118,6 +118,12 @@ Trajectory camera_groundtruth(Trajectory groundtruth, const std::string& of) {
   return of == "body" ? camera_of_bonn_body(std::move(groundtruth)) : groundtruth;
 }
 
+bool is_measurable(const Trajectory& groundtruth, const Trajectory& estimate) {
+  return associate(detail::timestamps_of(groundtruth), detail::timestamps_of(estimate),
+                   kMaxDifferenceS)
+             .size() >= 3;
+}
+
 void add_accuracy(Json& stats, Json* series, const Trajectory& groundtruth,
                   const Trajectory& estimate, const std::vector<double>& frames,
                   std::optional<double> units_per_m,
@@ -129,9 +135,10 @@ void add_accuracy(Json& stats, Json* series, const Trajectory& groundtruth,
   }
   stats["coverage"] = cover.share;
   stats["coverage_of"] = "frames with ground truth";
-  if (cover.covered < 3) {
+  if (!is_measurable(groundtruth, estimate)) {
     say("there is a pose for " + std::to_string(cover.covered) +
-        " frames with ground truth only: no error to speak of");
+        " frames with ground truth only, and there are fewer than three pairs of poses: no error "
+        "to speak of");
     return;
   }
   const Accuracy accuracy = measure_accuracy(groundtruth, estimate, frames, RpeSettings());
@@ -142,9 +149,14 @@ void add_accuracy(Json& stats, Json* series, const Trajectory& groundtruth,
 
 Json judge_estimate(const RunSettings& settings, const fs::path& file) {
   const TumSequence sequence(settings.sequence);
-  const Trajectory estimate = read_trajectory(file);
+  Trajectory estimate = read_trajectory(file);
   std::vector<double> times = sequence.timestamps();
-  if (settings.frames > 0 && settings.frames < times.size()) times.resize(settings.frames);
+  if (settings.frames > 0 && settings.frames < times.size()) {
+    times.resize(settings.frames);
+    // As far as the rows beside it.
+    while (!estimate.empty() && estimate.back().timestamp > times.back() + kMaxDifferenceS)
+      estimate.pop_back();
+  }
   if (!sequence.has_groundtruth())
     throw Error("sequence " + settings.sequence.string() +
                 ": has no groundtruth.txt to judge an estimate by");

@@ -47,6 +47,9 @@ std::string evo_command(const std::filesystem::path& groundtruth,
 /// body of markers.
 Trajectory camera_groundtruth(Trajectory groundtruth, const std::string& of);
 
+/// Whether there are the three pairs of poses that an alignment needs.
+bool is_measurable(const Trajectory& groundtruth, const Trajectory& estimate);
+
 /// Puts coverage, "coverage_of" and, unless too little was tracked, "evaluation" into `stats`, by
 /// one rule for our own runs and for other systems' trajectories. `frames`: timestamps of all
 /// frames. `units_per_m`: the depth factor that was used, if it is known. `series` (may be null)

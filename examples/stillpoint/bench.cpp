@@ -144,6 +144,7 @@ void bench(const BenchOptions& options) {
   std::vector<BenchJob> all = options.paper.empty()
                                   ? make_jobs(options.plan, notes)
                                   : make_paper_jobs(options.plan, options.paper, notes);
+  check_each_once(all);
   check_presets_differ(all);
   add_keys(all);
   std::vector<BenchJob> jobs;
@@ -262,6 +263,7 @@ void add_bench_command(CLI::App& app) {
   command
       ->add_option("--masks-folder", plan.masks_folders,
                    "Inside each sequence; again for more rows (masks_4hz)  [masks]")
+      ->transform(without_last_slash())
       ->allow_extra_args(false)
       ->delimiter(',')
       ->type_name("NAME");

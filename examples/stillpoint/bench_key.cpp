@@ -37,13 +37,17 @@ std::string bytes_of(const fs::path& path) {
   return {std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
 }
 
+/// Empty: there is no such file.
+std::string fingerprint_of(const fs::path& file) {
+  if (!fs::is_regular_file(file)) return "";
+  Fingerprint f;
+  f.add(bytes_of(file));
+  return f.text();
+}
+
 /// Of the running program: results of two builds must not be mixed in one table.
 const std::string& program_fingerprint() {
-  static const std::string text = [] {
-    Fingerprint f;
-    f.add(bytes_of("/proc/self/exe"));
-    return f.text();
-  }();
+  static const std::string text = fingerprint_of("/proc/self/exe");
   return text;
 }
 
@@ -69,9 +73,7 @@ std::string input_fingerprint(const fs::path& sequence, const std::string& masks
 
 Json job_key(const BenchJob& job, const std::string& masks, const std::string& input) {
   const RunSettings& s = job.settings;
-  if (!job.estimate.empty()) {
-    Fingerprint bytes;
-    bytes.add(bytes_of(job.estimate));
+  if (!job.estimate.empty())
     return {{"sequence", job.sequence},
             {"variant", job.variant.name},
             {"label", job.label()},
@@ -81,10 +83,9 @@ Json job_key(const BenchJob& job, const std::string& masks, const std::string& i
             {"frames", s.frames},
             {"groundtruth_of", s.groundtruth_of},
             {"input", input},
-            {"estimate_bytes", bytes.text()},
+            {"estimate_bytes", fingerprint_of(job.estimate)},
             {"program", program_fingerprint()},
             {"version", STILLPOINT_VERSION}};
-  }
   return {{"sequence", job.sequence},
           {"variant", job.variant.name},
           {"label", job.label()},
@@ -103,6 +104,7 @@ Json job_key(const BenchJob& job, const std::string& masks, const std::string& i
           {"tracker", s.tracker},
           {"features", s.features},
           {"camera", s.camera},
+          {"camera_file", fingerprint_of(s.camera)},
           {"frames", s.frames},
           {"seed", s.seed},
           {"groundtruth_of", s.groundtruth_of},
@@ -139,7 +141,9 @@ void add_keys(std::vector<BenchJob>& jobs) {
   std::map<std::pair<fs::path, std::string>, std::string> inputs;
   for (BenchJob& job : jobs) {
     const std::string masks =
-        job.settings.masks.empty() ? "" : job.settings.masks.filename().string();
+        job.settings.masks.empty()
+            ? ""
+            : job.settings.masks.lexically_relative(job.settings.sequence).generic_string();
     std::string& input = inputs[{job.settings.sequence, masks}];
     if (input.empty()) input = input_fingerprint(job.settings.sequence, masks);
     job.key = job_key(job, masks, input);

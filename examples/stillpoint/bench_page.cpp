@@ -61,7 +61,9 @@ Json summary_view(const std::vector<SummaryRow>& summary) {
     const Json* of[] = {nullptr, summary[i].off, summary[i].on, nullptr, summary[i].limit};
     for (std::size_t c = 1; c < 5; ++c)
       if (of[c] && (*of[c])["failed"] != "") cells[c]["kind"] = "failed";
-    if (cells[2]["kind"] == "") cells[2]["kind"] = "best";
+    const double off = summary[i].off ? number_at(*summary[i].off, "ate_rmse_m") : NAN;
+    const double on = summary[i].on ? number_at(*summary[i].on, "ate_rmse_m") : NAN;
+    if (cells[2]["kind"] == "" && !(on > off)) cells[2]["kind"] = "best";
   }
   return view;
 }

@@ -206,6 +206,14 @@ void check_masks_folders(const BenchPlan& plan) {
                   "\" in any of them");
 }
 
+void check_each_once(const std::vector<BenchJob>& jobs) {
+  std::set<fs::path> files;
+  for (const BenchJob& job : jobs)
+    if (!files.insert(job.result_file()).second)
+      throw Error("bench: \"" + job.label() + "\" of " + job.sequence +
+                  " is asked for twice; its runs would count twice");
+}
+
 void check_presets_differ(const std::vector<BenchJob>& jobs) {
   std::map<std::string, std::string> presets;  // by all their settings
   for (const BenchJob& job : jobs) {

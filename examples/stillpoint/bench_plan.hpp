@@ -69,6 +69,9 @@ struct BenchPlan {
 /// One sequence may lack a folder of masks; a name that none has is mistyped. Throws Error.
 void check_masks_folders(const BenchPlan& plan);
 
+/// A row that is asked for twice would count its runs twice. Throws Error.
+void check_each_once(const std::vector<BenchJob>& jobs);
+
 /// Rows of two presets that --settings or --set made one would be equal without a word. Throws
 /// Error.
 void check_presets_differ(const std::vector<BenchJob>& jobs);

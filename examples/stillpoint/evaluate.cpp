@@ -42,7 +42,7 @@ Frames frames_of(const EvaluateOptions& options, const Trajectory& groundtruth,
       // The lists without their images are no sequence, and tell the frames all the same.
     }
   }
-  if (!asked) return {guess_frames(groundtruth, estimate), ""};
+  if (!asked && !std::filesystem::exists(list)) return {guess_frames(groundtruth, estimate), ""};
   Frames frames{{}, list.string()};
   for (const ListedFile& f : read_file_list(list)) frames.times.push_back(f.timestamp);
   return frames;

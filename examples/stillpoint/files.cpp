@@ -16,6 +16,13 @@ void write_json(const fs::path& path, const Json& json) {
   if (error) throw Error(path.string() + ": cannot be written: " + error.message());
 }
 
+void check_can_hold(const fs::path& file, const std::string& option) {
+  const fs::path folder = file.parent_path();
+  if (!folder.empty() && !fs::is_directory(folder))
+    throw Error(option + ": expected a file in a folder that is there, found no folder " +
+                folder.string());
+}
+
 void make_folder(const fs::path& path) {
   std::error_code error;
   fs::create_directories(path, error);

@@ -45,7 +45,8 @@ void write_transforms(const fs::path& transforms, const fs::path& out,
   if (!json.is_object() || !json.contains("frames") || !json["frames"].is_array())
     throw Error(name + ": expected JSON with a list of frames, found something else");
   std::set<std::string> stems;
-  for (const SequenceEntry& entry : sequence.entries()) stems.insert(entry.stem);
+  for (const SequenceEntry& entry : sequence.entries())
+    if (fs::exists(mask_path(out, entry.stem))) stems.insert(entry.stem);
   for (Json& frame : json["frames"]) {
     const std::string file = frame.value("file_path", std::string());
     const std::string stem = fs::path(file).stem().string();

@@ -149,7 +149,7 @@ Json key_of(const MaskSettings& settings, const FrontEndSettings& front_end,
           {"decoder", run.decoder},
           {"input_size", run.input_size},
           {"masks", run.masks.string()},
-          {"masked_depth", !settings.masked_depth.empty()},
+          {"masked_depth", settings.masked_depth.string()},
           {"images", count},
           {"first", sequence.entry(0).color_path.filename().string()},
           {"last", sequence.entry(count - 1).color_path.filename().string()},
@@ -187,6 +187,7 @@ class MaskJob {
  public:
   MaskJob(const MaskSettings& settings, const Note& note)
       : settings_(settings), note_(note), sequence_(open_input(settings, note)) {
+    check_names_differ(sequence_);
     choose_segmenter(settings_.run);
     const RunSettings& run = settings_.run;
     count_ = run.frames > 0 ? std::min(run.frames, sequence_.size()) : sequence_.size();
@@ -197,10 +198,10 @@ class MaskJob {
                       ? "--network-only: needs a segmenter; name one by --model or --masks"
                       : "mask: without depth only a segmenter finds anybody; give --model or "
                         "--masks, or depth");
-    if (!settings_.masked_depth.empty() && with_depth_ == 0)
-      throw Error("--masked-depth: needs depth, found none");
+    check_masked_depth();
     if (!settings_.objects.empty() && settings_.network_only)
       throw Error("--objects: the front end follows objects; leave --network-only out");
+    check_can_hold(settings_.objects, "--objects");
     if (settings_.format == "nerfstudio")
       transforms_ = find_transforms(sequence_.entry(0).color_path.parent_path());
     front_end_ = front_end_settings(run);
@@ -242,7 +243,25 @@ class MaskJob {
   }
 
  private:
+  // Masks, and depth that is read, are not to be taken for depth that is written.
+  void check_masked_depth() const {
+    const fs::path& folder = settings_.masked_depth;
+    if (folder.empty()) return;
+    if (with_depth_ == 0) throw Error("--masked-depth: needs depth, found none");
+    const auto same = [&](const fs::path& other) {
+      return fs::weakly_canonical(folder) == fs::weakly_canonical(other);
+    };
+    if (same(settings_.out))
+      throw Error("--masked-depth: expected another folder than --out, found " + folder.string());
+    for (std::size_t i = 0; i < count_; ++i)
+      if (!sequence_.entry(i).depth_path.empty() &&
+          same(sequence_.entry(i).depth_path.parent_path()))
+        throw Error("--masked-depth: " + folder.string() +
+                    " holds the depth that is read; choose another folder");
+  }
+
   void tell() {
+    for (const std::string& note : sequence_notes(sequence_)) note_(note);
     if (with_depth_ == 0 && !settings_.network_only)
       note_(
           "without depth: masks are the segmenter's, mended; no depth fusion, and nothing "
@@ -266,14 +285,15 @@ class MaskJob {
     counts_.add(masker, entry.stem, settings_.network_only);
     if (!settings_.objects.empty()) objects_ += objects_csv(frame.timestamp, masker.objects());
     // What was written before is the same: the frames before it ran again.
-    if (fs::exists(file)) {
+    const bool there = fs::exists(file);
+    if (there)
       ++counts_.there;
-    } else {
+    else
       write_whole(file, coded_mask(settings_.format, masker.dynamic(), masker.instances()));
-      ++counts_.written;
-    }
+    counts_.written += !there;
+    if (settings_.masked_depth.empty() || frame.depth.empty()) return;
     const fs::path depth_file = mask_path(settings_.masked_depth, entry.stem);
-    if (settings_.masked_depth.empty() || frame.depth.empty() || fs::exists(depth_file)) return;
+    if (there && fs::exists(depth_file)) return;
     write_whole(depth_file, masked_depth(frame.depth, masker.dynamic()));
   }
 

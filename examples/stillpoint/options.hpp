@@ -37,6 +37,15 @@ inline CLI::Validator renamed(const std::map<std::string, std::string>& names) {
           ""};
 }
 
+/// "masks/" as "masks".
+inline CLI::Validator without_last_slash() {
+  return {[](std::string& folder) {
+            while (folder.size() > 1 && folder.back() == '/') folder.pop_back();
+            return std::string();
+          },
+          ""};
+}
+
 /// Restricts an option to a range, which its error message names; the help says N.
 template <class Number>
 CLI::Option* between(CLI::Option* option, Number least, Number most, const char* unit = "N") {

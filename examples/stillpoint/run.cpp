@@ -84,6 +84,7 @@ void check(const RunCommand& command) {
                 " to tell what is wrong");
   if (!command.objects.empty() && !settings.front_end)
     throw Error("--save-objects: the front end follows objects; leave --front-end off out");
+  check_can_hold(command.objects, "--save-objects");
 }
 
 /// Results are made beside those of an earlier run, and take their place when all are there.
@@ -130,7 +131,7 @@ nlohmann::ordered_json make_results(const RunCommand& command) {
     write_settings(partial(command.out / "settings.yaml"), front_end_settings(unseeded));
     return stats;
   } catch (const std::exception& e) {
-    if (fs::exists(outputs.trajectory))
+    if (fs::exists(outputs.trajectory) && fs::file_size(outputs.trajectory) > 0)
       throw Error(std::string(e.what()) + "; what was tracked before it is in " +
                   outputs.trajectory.string());
     remove_partial(command.out);
@@ -171,11 +172,15 @@ void run(RunCommand command) {
   const TumSequence sequence = open_sequence(settings.sequence, settings.camera);
   if (sequence.has_groundtruth()) sequence.groundtruth();
   choose_segmenter(settings);
+  if (command.save_masks || command.overlay_every > 0 || settings.segmenter == "mask_files")
+    check_names_differ(sequence);
   make_segmenter(settings, sequence);
   std::printf("%s\n", settings_line(settings, segmenter_was_open).c_str());
   std::fflush(stdout);
   make_folder(command.out);
   check(command);
+  // Whether a result can be written is known before the run.
+  write_file(partial(command.out / "trajectory.txt"), "", "result");
   remove_partial(command.out);
   const auto stats = make_results(command);
   replace_results(command, sequence);

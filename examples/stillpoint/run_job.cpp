@@ -101,9 +101,7 @@ class Job {
   }
 
   Json run() {
-    if (sequence_.missing_images() > 0)
-      say(std::to_string(sequence_.missing_images()) +
-          " listed images are not on the disk; their frames are left out");
+    for (const std::string& note : sequence_notes(sequence_)) say(note);
     if (const auto problem = unread_associations(sequence_)) say(*problem);
     reset_peak_memory();
     try {
@@ -266,7 +264,7 @@ class Job {
     add_accuracy(stats, outputs_.series ? &series : nullptr, groundtruth_, trajectory_, frames,
                  sequence_.camera()->depth_units_per_m,
                  [this](const std::string& text) { say(text); });
-    if (coverage(groundtruth_, online_, frames).covered >= 3)
+    if (is_measurable(groundtruth_, online_))
       stats["evaluation_online"] =
           to_json(measure_accuracy(groundtruth_, online_, frames, RpeSettings()));
   }

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <type_traits>
 #include <utility>
 
@@ -20,6 +21,7 @@
 #include "stillpoint/io/text_file.hpp"
 #include "stillpoint/segmentation/detection_thread.hpp"
 #include "stillpoint/testing/delayed_segmenter.hpp"
+#include "terminal.hpp"
 
 namespace stillpoint::cli {
 namespace {
@@ -128,6 +130,39 @@ TumSequence open_sequence(const fs::path& folder, const std::string& camera, boo
                 (hint.empty() ? "" : " (its name speaks of --camera " + hint + ")"));
   }
   return sequence;
+}
+
+std::vector<std::string> sequence_notes(const TumSequence& sequence) {
+  std::vector<std::string> notes;
+  if (sequence.missing_images() > 0)
+    notes.push_back(std::to_string(sequence.missing_images()) +
+                    " listed images are not on the disk; their frames are left out");
+  // A few are usual at the ends of a recording.
+  const std::size_t alone = sequence.without_depth(), all = alone + sequence.size();
+  if (20 * alone > all)
+    notes.push_back(std::to_string(alone) + " of " + std::to_string(all) +
+                    " listed color images have no depth within 0.02 s; they are left out, and "
+                    "coverage is that of the rest");
+  if (!sequence.camera()) return notes;
+  const Camera& camera = *sequence.camera();
+  const cv::Size size = sequence.load(0).color.size();
+  if (!cv::Rect2d(0, 0, size.width, size.height).contains({camera.cx, camera.cy}))
+    notes.push_back("the camera's principal point, " + fixed(camera.cx, 1) + " " +
+                    fixed(camera.cy, 1) + ", is outside of the image, " +
+                    std::to_string(size.width) + "x" + std::to_string(size.height) +
+                    "; is the camera file of another resolution?");
+  return notes;
+}
+
+void check_names_differ(const TumSequence& sequence) {
+  std::map<std::string, std::string> files;
+  for (const SequenceEntry& entry : sequence.entries()) {
+    const auto [first, is_new] = files.emplace(entry.stem, entry.color_path.string());
+    if (!is_new)
+      throw Error("sequence " + sequence.folder().string() +
+                  ": masks are named after their images, and " + first->second + " and " +
+                  entry.color_path.string() + " have one name; name them apart");
+  }
 }
 
 void load_settings(RunSettings& settings) {

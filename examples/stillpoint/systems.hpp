@@ -2,6 +2,8 @@
 #pragma once
 
 #include <memory>
+#include <string>
+#include <vector>
 
 #include "run_job.hpp"
 #include "stillpoint/core/camera.hpp"
@@ -18,6 +20,13 @@ namespace stillpoint::cli {
 /// that is not required, it may have none.
 TumSequence open_sequence(const std::filesystem::path& folder, const std::string& camera,
                           bool depth_required = true);
+
+/// What a user must know of an opened sequence: frames of its lists that are left out, a camera
+/// that cannot be its own.
+std::vector<std::string> sequence_notes(const TumSequence& sequence);
+
+/// Masks are named after their images: two images of one name would share a mask. Throws Error.
+void check_names_differ(const TumSequence& sequence);
 
 /// Reads the settings file, if one is given.
 void load_settings(RunSettings& settings);

@@ -96,6 +96,8 @@ TEST(Frame, RefusesNoNumber) {
     frame.timestamp = bad;
     EXPECT_ERROR(check_frame(frame), "frame.timestamp", "seconds");
   }
+  frame.timestamp = 1.7e18;
+  EXPECT_ERROR(check_frame(frame), "frame.timestamp", "seconds", "nanoseconds by 1e9");
   frame = good_frame();
   for (const double bad : {0.0, -5000.0, 0.0002, 1 / 0.0, kNan}) {
     frame.depth_units_per_m = bad;

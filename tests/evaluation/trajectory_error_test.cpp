@@ -203,7 +203,7 @@ double slow_ate_rmse(const Trajectory& truth, const Trajectory& estimate) {
   for (std::size_t i = 0; i < a.size(); ++i) mean_a += a[i] / a.size(), mean_b += b[i] / a.size();
   Eigen::Matrix3d S = Eigen::Matrix3d::Zero();
   for (std::size_t i = 0; i < a.size(); ++i) S += (a[i] - mean_a) * (b[i] - mean_b).transpose();
-  cv::Matx44d N(S.trace(), S(1, 2) - S(2, 1), S(2, 0) - S(0, 2), S(0, 1) - S(1, 0),   //
+  cv::Matx44d N(S.trace(), S(1, 2) - S(2, 1), S(2, 0) - S(0, 2), S(0, 1) - S(1, 0),    //
                 0, S(0, 0) - S(1, 1) - S(2, 2), S(0, 1) + S(1, 0), S(2, 0) + S(0, 2),  //
                 0, 0, S(1, 1) - S(0, 0) - S(2, 2), S(1, 2) + S(2, 1),                  //
                 0, 0, 0, S(2, 2) - S(0, 0) - S(1, 1));
@@ -355,6 +355,12 @@ TEST(Rpe, LeavesOutPairsAcrossAGap) {
   EXPECT_GE(r.pairs, 138u);
   EXPECT_LE(r.pairs, 142u);
   EXPECT_LT(r.translation_m.max, 1e-9);
+}
+
+TEST(Rpe, ComparesNoPoseWithItself) {
+  const Trajectory truth = random_trajectory(60, 2);  // 30 Hz
+  EXPECT_EQ(rpe(truth, truth, RpeSettings::over_seconds(0.01)).pairs, 0u);
+  EXPECT_EQ(rpe(truth, truth, RpeSettings::over_seconds(0.03)).pairs, 58u);
 }
 
 TEST(Rpe, NothingToCompareIsNaNWithoutPairs) {

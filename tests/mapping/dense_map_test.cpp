@@ -183,8 +183,15 @@ TEST(DenseMap, RefusesFramesOfAnotherSizeThanTheCameras) {
 
 TEST(DenseMap, RefusesWrongInput) {
   DenseMap::Settings bad;
-  bad.voxel_m = 0;
-  EXPECT_THROW(DenseMap{bad}, stillpoint::Error);
+  for (const double voxel_m : {0.0, -1.0, 1e-7, std::nan(""), 1 / 0.0}) {
+    bad.voxel_m = voxel_m;
+    EXPECT_THROW(DenseMap{bad}, stillpoint::Error);
+  }
+  Camera unfinished = camera();
+  unfinished.k1 = std::nan("");
+  EXPECT_ERROR(
+      DenseMap().integrate(wall(2), unfinished, DynamicMask(), Eigen::Isometry3d::Identity()),
+      "expected finite numbers, found nan");
   for (double DenseMap::Settings::*setting :
        {&DenseMap::Settings::edge_ratio, &DenseMap::Settings::carve_margin_m,
         &DenseMap::Settings::carve_margin_per_m})

@@ -135,6 +135,20 @@ TEST(ObjectTracker, WhoWalksBehindAPillarKeepsHisId) {
   }
 }
 
+TEST(ObjectTracker, WhoIsInTheMaskKeepsHisIdThoughHeIsPredicted) {
+  // As the results of a slow network are, each of them.
+  Follower follower;
+  for (int i = 0; i < 150; ++i) {
+    follower.tracker.finish(follower.place);
+    follower.context.begin(kScene.frame(time_of(i), {person_at(40)}), kScene.camera());
+    follower.instances = {box_instance(person_at(40).box, kScene.size)};
+    follower.instances[0].predicted = i > 0;
+    const auto& objects = follower.see({7});
+    ASSERT_EQ(objects.size(), 1u);
+    EXPECT_EQ(objects[0].id, 0) << i;
+  }
+}
+
 TEST(ObjectTracker, SomebodyElseGetsAnotherId) {
   Follower follower;
   for (int i = 0; i < 10; ++i) follower.see(i, {person_at(40)}, {7});

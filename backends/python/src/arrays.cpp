@@ -118,7 +118,10 @@ py::array array_of(const cv::Mat& mat) {
   std::vector<py::ssize_t> shape{mat.rows, mat.cols};
   std::vector<py::ssize_t> strides{static_cast<py::ssize_t>(mat.step[0]), pixel};
   if (mat.channels() > 1) shape.push_back(mat.channels()), strides.push_back(item);
-  return py::array(type, shape, strides, kept->data, owner);
+  py::array array(type, shape, strides, kept->data, owner);
+  if (is_read_only(mat))
+    py::detail::array_proxy(array.ptr())->flags &= ~py::detail::npy_api::NPY_ARRAY_WRITEABLE_;
+  return array;
 }
 
 Eigen::Isometry3d pose_of(const py::object& value, const char* where) {

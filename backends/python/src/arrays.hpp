@@ -32,7 +32,8 @@ cv::Mat mask_of(const py::object& array, const char* where);
 /// The same; None is an empty mask.
 cv::Mat mask_or_none(const py::object& array, const char* where);
 
-/// A cv::Mat of 8U, 16U, 32F with 1 or 3 channels as an array that shares and keeps its memory.
+/// A cv::Mat of 8U, 16U, 32F with 1 or 3 channels as an array that shares and keeps its memory; one
+/// of a read-only array is read-only.
 py::array array_of(const cv::Mat& mat);
 /// A vector as an array that owns it: (n,) or, with `columns`, (n / columns, columns).
 template <class T>
@@ -61,7 +62,7 @@ class Keypoints {
   std::vector<cv::Point2f> points() const;
 
  private:
-  py::array_t<float, py::array::c_style> array_;
+  py::array_t<float, py::array::c_style | py::array::forcecast> array_;
   const float* data_ = nullptr;
   std::size_t size_ = 0;
 };
@@ -80,6 +81,7 @@ double number_of(const py::handle& value, const char* where);
 /// Seconds, finite and at least 0.
 double timestamp_of(const py::object& value, const char* where);
 long long whole_of(const py::handle& value, const char* where);
+int int_of(const py::handle& value, const char* where);
 bool truth_of(const py::handle& value, const char* where);
 
 }  // namespace stillpoint::python

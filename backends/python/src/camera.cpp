@@ -118,8 +118,8 @@ void bind_camera(py::module_& m) {
       .def(
           "resized",
           [](const Camera& c, const py::object& width, const py::object& height) {
-            return c.resized(static_cast<int>(whole_of(width, "Camera.resized: width")),
-                             static_cast<int>(whole_of(height, "Camera.resized: height")));
+            return c.resized(int_of(width, "Camera.resized: width"),
+                             int_of(height, "Camera.resized: height"));
           },
           py::arg("width"), py::arg("height"),
           "The camera of images that are resized to so many pixels.")

@@ -61,7 +61,7 @@ void bind_compensator(py::module_& m) {
              const py::object& T_current_last) {
             const Use use(c.gate);
             const RgbdFrame given = frame_of(frame, "frame");
-            const Segmentation found = segmentation_of(segmentation, "segmentation");
+            const Segmentation found = segmentation_of(segmentation, given, "segmentation");
             const auto T = pose_or_none(T_current_last, "T_current_last");
             return without_gil(
                 [&] { return Segmentation(c.component.compensate(given, found, T)); });
@@ -98,7 +98,7 @@ void bind_fuser(py::module_& m) {
              const py::object& T_current_last) {
             const Use use(f.gate);
             const RgbdFrame given = frame_of(frame, "frame");
-            const Segmentation found = segmentation_of(segmentation, "segmentation");
+            const Segmentation found = segmentation_of(segmentation, given, "segmentation");
             const auto T = pose_or_none(T_current_last, "T_current_last");
             return array_of(
                 without_gil([&] { return f.component.fuse(given, found, true, 0, T).image; }));

@@ -56,6 +56,10 @@ RgbdFrame frame_of(const py::object& color, const py::object& depth, const py::o
   frame.timestamp = timestamp_of(timestamp, "timestamp");
   if (!depth_timestamp.is_none())
     frame.depth_timestamp = timestamp_of(depth_timestamp, "depth_timestamp");
+  if (frame.depth.depth() == CV_32F && !frame.depth.empty() && !depth_units_per_m.is_none())
+    throw Error(
+        "depth_units_per_m: expected None with a float32 depth, which is in metres, found " +
+        std::string(py::str(depth_units_per_m)) + "; divide the depth by it");
   if (!frame.depth.empty() && frame.depth.depth() == CV_16U)
     frame.depth_units_per_m = units_of(depth_units_per_m, otherwise);
   check_frame(frame);

@@ -17,12 +17,13 @@ RgbdFrame frame_of(const py::object& frame, const char* where);
 Camera camera_of(const py::object& camera, const char* where);
 
 /// Instances from a label image of that size, a list of Instance, or boxes (N, 4).
-std::vector<Instance> instances_of_labels(const py::object& labels, const cv::Size& size);
+std::vector<Instance> instances_of_labels(const py::object& labels, const cv::Size& size,
+                                          const char* where);
 std::vector<Instance> instances_of_list(const py::object& instances, const char* where);
 std::vector<Instance> instances_of_boxes(const py::object& boxes, const cv::Size& size);
-/// What a segmenter written in Python may return: a Segmentation, a label image, a list of
-/// instances, or None.
-Segmentation segmentation_of(const py::object& value, const char* where);
+/// What a segmenter written in Python may return for a frame: a Segmentation, a label image of its
+/// size, a list of instances, or None.
+Segmentation segmentation_of(const py::object& value, const RgbdFrame& frame, const char* where);
 
 /// Poses from a Trajectory of Python's.
 const Trajectory& trajectory_of(const py::object& value, const char* where);

@@ -27,17 +27,18 @@ std::unique_ptr<PyFrontEnd> make_front_end(const py::object& camera, const py::o
 /// The segmentation that a caller brings; nothing if he brings none.
 std::optional<Segmentation> brought(const py::object& labels, const py::object& instances,
                                     const py::object& boxes, const py::object& segmentation,
-                                    const cv::Size& size) {
+                                    const RgbdFrame& frame) {
+  const cv::Size size = frame.color.size();
   const int given =
       !labels.is_none() + !instances.is_none() + !boxes.is_none() + !segmentation.is_none();
   if (given == 0) return std::nullopt;
   if (given > 1)
     throw Error("compute_mask: expected one of labels, instances, boxes and segmentation, found " +
                 std::to_string(given));
-  if (!segmentation.is_none()) return segmentation_of(segmentation, "segmentation");
+  if (!segmentation.is_none()) return segmentation_of(segmentation, frame, "segmentation");
   Segmentation result;
   result.available = true;
-  result.instances = !labels.is_none()      ? instances_of_labels(labels, size)
+  result.instances = !labels.is_none()      ? instances_of_labels(labels, size, "labels")
                      : !instances.is_none() ? instances_of_list(instances, "instances")
                                             : instances_of_boxes(boxes, size);
   return result;
@@ -51,7 +52,7 @@ py::array compute_mask(PyFrontEnd& f, const py::object& color, const py::object&
   const Use use(f.gate);
   const RgbdFrame frame =
       frame_of(color, depth, timestamp, units, depth_timestamp, f.depth_units_per_m);
-  const auto given = brought(labels, instances, boxes, segmentation, frame.color.size());
+  const auto given = brought(labels, instances, boxes, segmentation, frame);
   if (given && f.has_segmenter)
     throw Error(
         "compute_mask: expected labels, instances, boxes or segmentation only without a "

@@ -34,7 +34,8 @@ Instance make_instance(const py::object& box, const py::object& mask, const py::
     throw Error("Instance.box: expected (x, y, width, height) in pixels, found " +
                 std::to_string(b.size()) + " numbers");
   instance.box = box_of(b[0], b[1], b[2], b[3], "Instance.box");
-  instance.mask = mask_or_none(mask, "Instance.mask");
+  // Of its own memory, and of 0 and 255.
+  if (!mask.is_none()) instance.mask = mask_of(mask, "Instance.mask") > 0;
   instance.class_name = text_of(class_name, "Instance.class_name");
   instance.score = static_cast<float>(number_of(score, "Instance.score"));
   if (!(instance.score >= 0 && instance.score <= 1))
@@ -113,7 +114,7 @@ void bind_functions(py::module_& m) {
       "instances_from_labels",
       [](const py::object& labels, const py::object& class_name, const py::object& min_area_px) {
         return instances_from_labels(mask_of(labels, "labels"), text_of(class_name, "class_name"),
-                                     static_cast<int>(whole_of(min_area_px, "min_area_px")));
+                                     int_of(min_area_px, "min_area_px"));
       },
       py::arg("labels"), py::arg("class_name") = "person", py::arg("min_area_px") = 50,
       "Splits a label image, (H, W) uint8, 0 = background, k = instance k, into instances.\n\nOne "
@@ -141,12 +142,13 @@ void bind_functions(py::module_& m) {
 
 }  // namespace
 
-std::vector<Instance> instances_of_labels(const py::object& labels, const cv::Size& size) {
-  const cv::Mat image = mask_of(labels, "labels");
+std::vector<Instance> instances_of_labels(const py::object& labels, const cv::Size& size,
+                                          const char* where) {
+  const cv::Mat image = mask_of(labels, where);
   if (image.size() != size)
-    throw Error("labels: expected the color image's size " + std::to_string(size.width) + "x" +
-                std::to_string(size.height) + ", found " + stillpoint::detail::size_text(image) +
-                " (width x height)");
+    throw Error(std::string(where) + ": expected the color image's size " +
+                std::to_string(size.width) + "x" + std::to_string(size.height) + ", found " +
+                stillpoint::detail::size_text(image) + " (width x height)");
   return instances_from_labels(image);
 }
 
@@ -184,12 +186,12 @@ std::vector<Instance> instances_of_boxes(const py::object& value, const cv::Size
   return instances;
 }
 
-Segmentation segmentation_of(const py::object& value, const char* where) {
+Segmentation segmentation_of(const py::object& value, const RgbdFrame& frame, const char* where) {
   if (py::isinstance<Segmentation>(value)) return value.cast<Segmentation>();
   Segmentation segmentation;
   segmentation.available = !value.is_none();
   if (py::isinstance<py::array>(value))
-    segmentation.instances = instances_from_labels(mask_of(value, where));
+    segmentation.instances = instances_of_labels(value, frame.color.size(), where);
   else if (!value.is_none())
     segmentation.instances = instances_of_list(value, where);
   return segmentation;

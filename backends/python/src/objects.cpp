@@ -97,8 +97,7 @@ void bind_mask_functions(py::module_& m) {
   m.def(
       "feature_mask",
       [](const py::object& mask, const py::object& margin_px) {
-        return array_of(feature_mask(mask_of(mask, "mask"),
-                                     static_cast<int>(whole_of(margin_px, "margin_px"))));
+        return array_of(feature_mask(mask_of(mask, "mask"), int_of(margin_px, "margin_px")));
       },
       py::arg("mask"), py::arg("margin_px") = 0,
       "Where a detector may look, as OpenCV's take it: (H, W) uint8, 255 = yes.\n\nmargin_px "

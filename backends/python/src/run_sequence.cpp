@@ -7,6 +7,7 @@
 #include "calls.hpp"
 #include "frames.hpp"
 #include "front_end.hpp"
+#include "segmenter.hpp"
 #include "sequences.hpp"
 #include "slam.hpp"
 
@@ -46,7 +47,14 @@ class PyTracker : public Tracker {
     const py::gil_scoped_acquire gil;
     const Pose pose =
         pose_or_none(needed("track")(frame, image_of(mask), selection), "Tracker.track: result");
-    if (pose) tracked_.push_back({frame.timestamp, *pose});
+    if (!pose) return pose;
+    const Eigen::Matrix3d R = pose->linear();
+    const double off = (R * R.transpose() - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
+    if (!pose->matrix().allFinite() || !(off < 1e-3) || !(R.determinant() > 0))
+      throw Error(
+          "Tracker.track: result: expected a rotation and a translation, found another matrix, or "
+          "NaN; return None where the camera is lost");
+    tracked_.push_back({frame.timestamp, *pose});
     return pose;
   }
 
@@ -63,6 +71,7 @@ class PyTracker : public Tracker {
   }
 
   const Trajectory& tracked() const { return tracked_; }
+  void begin() { tracked_.clear(); }
 
   void finish() override {
     const py::gil_scoped_acquire gil;
@@ -116,6 +125,7 @@ Trajectory run_with(const TumSequence& sequence, AnyFrontEnd& front_end, const p
     throw Error("run_sequence: tracker: expected a stillpoint.SlamSystem or Tracker, found " +
                 found_text(tracker));
   auto& own = *tracker.cast<Tracker*>();
+  if (auto* python = dynamic_cast<PyTracker*>(&own)) python->begin();
   return without_gil([&] { return run_sequence(sequence, front_end, own, run); });
 }
 
@@ -162,6 +172,7 @@ void bind_tracker(py::module_& m) {
       "        def track(self, frame, mask, selection):\n"
       "            return pose  # T_world_camera, 4 x 4, or None: lost")
       .def(py::init<>())
+      .def("__reduce_ex__", &refuse_copy, py::arg("protocol"))
       .def(
           "extract",
           [](Tracker&, const py::object&, const py::object&) -> py::object {

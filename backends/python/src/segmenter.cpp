@@ -35,7 +35,7 @@ Segmentation PySegmenter::segment(const RgbdFrame& frame) {
     const py::function function = py::get_override(static_cast<const Segmenter*>(this), "segment");
     if (!function)
       throw Error("Segmenter.segment: expected a subclass that defines it, found none");
-    return segmentation_of(function(py::cast(frame)), "Segmenter.segment: result");
+    return segmentation_of(function(py::cast(frame)), frame, "Segmenter.segment: result");
   } catch (const py::error_already_set& error) {
     const std::string message = message_of(error);
     // Ctrl-C is no failure of the segmenter.
@@ -58,6 +58,11 @@ Segmenter* segmenter_of(const py::object& value, const char* where) {
   return value.cast<Segmenter*>();
 }
 
+py::object refuse_copy(const py::object& self, const py::object&) {
+  throw Error(std::string(py::str(py::type::of(self).attr("__name__"))) +
+              ": cannot be copied or pickled; make a new one");
+}
+
 void bind_segmenter(py::module_& m) {
   py::class_<Segmenter, PySegmenter>(
       m, "Segmenter",
@@ -68,6 +73,7 @@ void bind_segmenter(py::module_& m) {
       "What segment() raises counts as no result for the frame: the front end goes on with\n"
       "predicted masks and says so in stats.segmenter_error.")
       .def(py::init<>())
+      .def("__reduce_ex__", &refuse_copy, py::arg("protocol"))
       .def(
           "segment",
           [](Segmenter& segmenter, const py::object& frame) {

@@ -20,4 +20,8 @@ class PySegmenter : public Segmenter {
 /// The segmenter of an argument; nullptr for None.
 Segmenter* segmenter_of(const pybind11::object& value, const char* where);
 
+/// As __reduce_ex__ of a class with subclasses in Python: a copy would have no C++ object. Throws
+/// Error.
+pybind11::object refuse_copy(const pybind11::object& self, const pybind11::object& protocol);
+
 }  // namespace stillpoint::python

@@ -1,10 +1,14 @@
 // SPDX-License-Identifier: BSD-2-Clause
+#include <atomic>
 #include <chrono>
 #include <memory>
 #include <mutex>
 #include <optional>
 #include <set>
 #include <shared_mutex>
+#include <thread>
+#include <utility>
+#include <vector>
 
 #include "bindings.hpp"
 #include "calls.hpp"
@@ -36,9 +40,32 @@ class Shared : public Inner {
 };
 
 /// A DetectionThread that one Python thread may close while others use it, and that ends without
-/// the GIL, which its segmenter may wait for.
+/// the GIL, which its segmenter may wait for. Python may destroy it in its own thread, where it
+/// collects garbage: another thread ends it then.
 class PyDetectionThread : public Segmenter {
  private:
+  using ThreadId = std::shared_ptr<std::atomic<std::thread::id>>;
+  /// The segmenter, which tells the thread that it runs in.
+  struct Watched : Segmenter {
+    Watched(const py::object& segmenter, ThreadId id)
+        : object(segmenter), own(*segmenter.cast<Segmenter*>()), runs_in(std::move(id)) {}
+    Segmentation segment(const RgbdFrame& frame) override {
+      *runs_in = std::this_thread::get_id();
+      return own.segment(frame);
+    }
+    std::vector<std::string> classes() const override { return own.classes(); }
+
+    py::object object;  // kept alive
+    Segmenter& own;
+    const ThreadId runs_in;
+  };
+  struct Running {
+    Running(const py::object& segmenter, const ThreadId& id)
+        : watched(segmenter, id), thread(watched) {}
+    Watched watched;
+    DetectionThread thread;
+  };
+
   /// Gives the GIL back while it lives, if this thread has it.
   struct WithoutGil {
     WithoutGil() {
@@ -51,18 +78,21 @@ class PyDetectionThread : public Segmenter {
   auto use(Call&& call) const {
     const WithoutGil without_gil;
     const std::shared_lock<std::shared_mutex> in_use(mutex_);
-    if (!thread_) throw Error("DetectionThread: expected an open one, found it closed");
-    return call(*thread_);
+    if (!running_) throw Error("DetectionThread: expected an open one, found it closed");
+    return call(running_->thread);
   }
 
  public:
-  explicit PyDetectionThread(Segmenter& segmenter)
-      : thread_(std::make_unique<DetectionThread>(segmenter)) {
+  explicit PyDetectionThread(const py::object& segmenter)
+      : running_(std::make_unique<Running>(segmenter, runs_in_)) {
     all().insert(this);
   }
   ~PyDetectionThread() override {
     all().erase(this);
-    close();
+    if (is_own_thread())
+      enders().emplace_back([running = std::move(running_)]() mutable { end(running); });
+    else
+      close();
   }
   Segmentation segment(const RgbdFrame& frame) override {
     return use([&](DetectionThread& thread) { return thread.segment(frame); });
@@ -77,23 +107,45 @@ class PyDetectionThread : public Segmenter {
     return use([&](DetectionThread& thread) { return thread.wait_for_result(timeout_s); });
   }
   void close() {
+    if (is_own_thread())
+      throw Error("DetectionThread.close: expected another thread than its own, found segment()");
     const WithoutGil without_gil;
     const std::lock_guard<std::shared_mutex> alone(mutex_);
-    thread_.reset();
+    if (running_) end(running_);
   }
   /// Before the interpreter ends: its threads must not come back to it.
   static void close_all() {
     for (PyDetectionThread* thread : all()) thread->close();
+    const WithoutGil without_gil;
+    for (std::thread& ender : enders()) ender.join();
+    enders().clear();
   }
 
  private:
+  bool is_own_thread() const { return runs_in_->load() == std::this_thread::get_id(); }
+
+  /// Waits for the frame at work, without the GIL; the segmenter itself goes with it.
+  static void end(std::unique_ptr<Running>& running) {
+    py::object segmenter = std::move(running->watched.object);
+    const ThreadId runs_in = running->watched.runs_in;
+    running.reset();
+    *runs_in = std::thread::id();  // another thread may have the same one later
+    const py::gil_scoped_acquire gil;
+    segmenter = py::object();
+  }
+
   static std::set<PyDetectionThread*>& all() {
     static std::set<PyDetectionThread*> threads;
     return threads;
   }
+  static std::vector<std::thread>& enders() {
+    static std::vector<std::thread> threads;
+    return threads;
+  }
 
+  const ThreadId runs_in_ = std::make_shared<std::atomic<std::thread::id>>();
   mutable std::shared_mutex mutex_;
-  std::unique_ptr<DetectionThread> thread_;
+  std::unique_ptr<Running> running_;
 };
 
 /// Waits in short steps, so that Ctrl-C is heard.
@@ -115,14 +167,13 @@ void bind_detection_thread(py::module_& m) {
       "Runs a segmenter beside the camera, at its own pace: its segment() never waits, and the\n"
       "front end predicts its late results forward.")
       .def(py::init([](const py::object& segmenter) {
-             Segmenter* inner = segmenter_of(segmenter, "DetectionThread: segmenter");
-             if (!inner)
+             if (!segmenter_of(segmenter, "DetectionThread: segmenter"))
                throw Error(
                    "DetectionThread: segmenter: expected a stillpoint.Segmenter, found "
                    "None");
-             return std::make_unique<PyDetectionThread>(*inner);
+             return std::make_unique<PyDetectionThread>(segmenter);
            }),
-           py::arg("segmenter"), py::keep_alive<1, 2>())
+           py::arg("segmenter"))
       .def("wait_for_result", &wait_for_result, py::arg("timeout_s"),
            "Waits until there is a result to fetch, at most timeout_s seconds; False if not.")
       .def("close", &PyDetectionThread::close, "Ends the thread; waits for the frame at work.")
@@ -142,7 +193,7 @@ void bind_mask_files(py::module_& m) {
                        const py::object& max_difference_s) {
              MaskFilesSegmenter::Settings settings;
              settings.class_name = text_of(class_name, "class_name");
-             settings.min_area_px = static_cast<int>(whole_of(min_area_px, "min_area_px"));
+             settings.min_area_px = int_of(min_area_px, "min_area_px");
              settings.max_difference_s = number_of(max_difference_s, "max_difference_s");
              const auto path = path_of(folder, "MaskFilesSegmenter: folder");
              if (sequence.is_none())
@@ -181,9 +232,9 @@ std::unique_ptr<Shared<OpenCvDnnSegmenter>> make_network(
   s.decoding.mask_threshold =
       static_cast<float>(number_of(decoding["mask_threshold"], "mask_threshold"));
   s.decoding.max_overlap = static_cast<float>(number_of(decoding["max_overlap"], "max_overlap"));
-  s.decoding.max_instances = static_cast<int>(whole_of(decoding["max_instances"], "max_instances"));
-  s.backend = static_cast<int>(whole_of(decoding["backend"], "backend"));
-  s.target = static_cast<int>(whole_of(decoding["target"], "target"));
+  s.decoding.max_instances = int_of(decoding["max_instances"], "max_instances");
+  s.backend = int_of(decoding["backend"], "backend");
+  s.target = int_of(decoding["target"], "target");
   const auto file = path_of(model, "model");
   return without_gil([&] { return std::make_unique<Shared<OpenCvDnnSegmenter>>(file, s); });
 }

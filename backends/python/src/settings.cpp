@@ -94,10 +94,7 @@ void assign(bool& member, const py::handle& value, const std::string& where) {
 }
 
 void assign(int& member, const py::handle& value, const std::string& where) {
-  const long long number = whole_of(value, where.c_str());
-  if (number < std::numeric_limits<int>::min() || number > std::numeric_limits<int>::max())
-    throw Error(where + ": expected a whole number of 32 bits, found " + std::to_string(number));
-  member = static_cast<int>(number);
+  member = int_of(value, where.c_str());
 }
 
 void assign(std::uint64_t& member, const py::handle& value, const std::string& where) {

@@ -36,14 +36,24 @@ class ArrayAllocator : public cv::MatAllocator {
   }
 };
 
+const ArrayAllocator* allocator() {
+  static const ArrayAllocator* const one = new ArrayAllocator;  // outlives every cv::Mat
+  return one;
+}
+
 }  // namespace
 
 cv::Mat share(const py::array& array, int rows, int columns, int type, std::size_t step) {
-  static const ArrayAllocator* const allocator = new ArrayAllocator;  // outlives every cv::Mat
   cv::Mat mat(rows, columns, type, const_cast<void*>(array.data()), step);
-  mat.u = allocator->keep(array);
+  mat.u = allocator()->keep(array);
   mat.addref();
   return mat;
+}
+
+bool is_read_only(const cv::Mat& mat) {
+  if (!mat.u || mat.u->currAllocator != allocator()) return false;
+  const py::handle array(static_cast<PyObject*>(mat.u->userdata));
+  return !py::reinterpret_borrow<py::array>(array).writeable();
 }
 
 }  // namespace stillpoint::python

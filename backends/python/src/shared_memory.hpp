@@ -12,4 +12,7 @@ namespace stillpoint::python {
 /// last one may go in any thread.
 cv::Mat share(const pybind11::array& array, int rows, int columns, int type, std::size_t step);
 
+/// Whether a cv::Mat lies over an array that must not be written to. Needs the GIL.
+bool is_read_only(const cv::Mat& mat);
+
 }  // namespace stillpoint::python

@@ -33,7 +33,7 @@ std::unique_ptr<PySlam> make_slam(const py::object& camera, const py::object& fe
                                   const py::object& threaded, const py::object& loop_closing,
                                   const py::object& sensor) {
   rgbd_slam::SlamSystem::Settings settings;
-  settings.features.features = static_cast<int>(whole_of(features, "features"));
+  settings.features.features = int_of(features, "features");
   settings.threaded = truth_of(threaded, "threaded");
   settings.loops.enabled = truth_of(loop_closing, "loop_closing");
   if (!sensor.is_none()) {
@@ -76,7 +76,7 @@ py::object process(PySlam& s, const py::object& frame, const py::object& front_e
   auto& f = *front_end.cast<PyFrontEnd*>();
   const OneAtATime::Use use_front_end(f.gate);
   std::optional<Segmentation> found;
-  if (!segmentation.is_none()) found = segmentation_of(segmentation, "segmentation");
+  if (!segmentation.is_none()) found = segmentation_of(segmentation, given, "segmentation");
   if (found && f.has_segmenter)
     throw Error(
         "SlamSystem.process: segmentation: expected None, as the front end has a "

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-2-Clause
 #include <cmath>
+#include <limits>
 
 #include "arrays.hpp"
 #include "stillpoint/core/error.hpp"
@@ -96,6 +97,14 @@ long long whole_of(const py::handle& value, const char* where) {
     refuse(where, "a whole number", value);
   }
   return number;
+}
+
+int int_of(const py::handle& value, const char* where) {
+  const long long number = whole_of(value, where);
+  if (number < std::numeric_limits<int>::min() || number > std::numeric_limits<int>::max())
+    throw Error(std::string(where) + ": expected a whole number of 32 bits, found " +
+                std::to_string(number));
+  return static_cast<int>(number);
 }
 
 bool truth_of(const py::handle& value, const char* where) {

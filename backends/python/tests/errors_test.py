@@ -38,6 +38,11 @@ WRONG = {
     "units not told": (lambda: compute(depth=UNITS), "depth_units_per_m: .*found None"),
     "units 0": (lambda: compute(depth=UNITS, depth_units_per_m=0), "depth_units_per_m: .*positive"),
     "units NaN": (lambda: compute(depth=UNITS, depth_units_per_m=NAN), "depth_units_per_m"),
+    "units of metres": (
+        lambda: compute(depth=DEPTH, depth_units_per_m=1000),
+        "depth_units_per_m: expected None with a float32 depth.*found 1000",
+    ),
+    "nanoseconds": (lambda: compute(timestamp=1_700_000_000 * 10**9), "frame.timestamp: .*by 1e9"),
     "no timestamp": (lambda: compute(timestamp=None), "timestamp: .*found None; give"),
     "negative time": (lambda: compute(timestamp=-1.0), "timestamp: .*at least 0, found -1"),
     "time NaN": (lambda: compute(timestamp=NAN), "timestamp: .*found nan"),
@@ -47,6 +52,10 @@ WRONG = {
         r"labels: .*found int64.*astype\(numpy.uint8\)",
     ),
     "labels of another size": (lambda: compute(labels=UNITS[:9] > 0), "labels: .*64x48.*64x9"),
+    "a segmentation of another size": (
+        lambda: compute(segmentation=UNITS[:9] > 0),
+        "segmentation: .*64x48.*64x9",
+    ),
     "boxes of three": (lambda: compute(boxes=[[1, 2, 3]]), r"boxes: .*\(n, 4\), found"),
     "corners for boxes": (
         lambda: compute(boxes=[[30, 30, 60, 40]]),
@@ -82,6 +91,10 @@ WRONG = {
     "focal length": (lambda: stillpoint.Camera(0, 1, 2, 3), "Camera.fx: .*positive"),
     "camera NaN": (lambda: stillpoint.Camera(1, 1, NAN, 3), "Camera.cx: .*finite.*nan"),
     "camera's word": (lambda: stillpoint.Camera(1, 1, 1, 1, k9=1), "Camera.k9: expected k1"),
+    "a ragged list of keypoints": (
+        lambda: stillpoint.FrontEnd().select([[1, 2], [3]]),
+        r"keypoints: .*\(n, 2\)",
+    ),
     "keypoints": (lambda: stillpoint.FrontEnd().select("ab"), r"keypoints: .*\(n, 2\).*found 'ab'"),
     "keypoints of 3": (
         lambda: stillpoint.FrontEnd().select(np.zeros((5, 3))),

@@ -34,6 +34,27 @@ def test_outputs_live_on_when_the_object_is_gone(scene):
     assert [int(a.sum()) for a in arrays] == sums
 
 
+def test_what_is_read_only_stays_so(scene):
+    color = scene.frames[0].color.copy()
+    color.flags.writeable = False
+
+    class Drawing(stillpoint.Segmenter):
+        def segment(self, frame):
+            frame.color[:] = 0
+
+    front_end = stillpoint.FrontEnd(scene.camera, Drawing())
+    front_end.compute_mask(color, scene.frames[0].depth, timestamp=1.0, depth_units_per_m=5000)
+    assert "read-only" in front_end.stats.segmenter_error
+    assert np.array_equal(color, scene.frames[0].color)
+
+
+def test_an_instance_keeps_its_mask(scene):
+    mask = np.ones((20, 10), np.uint8)
+    instance = stillpoint.Instance((5, 6, 10, 20), mask)
+    mask[:] = 0
+    assert (instance.mask == 255).all()
+
+
 def test_a_mask_that_is_kept_stays_as_it_is(scene):
     front_end = stillpoint.FrontEnd(scene.camera)
     first = front_end.compute_mask(scene.frames[0].rgbd(), labels=scene.labels[0])

@@ -102,6 +102,21 @@ def test_wrong_arguments_are_named(sequence, front_end):
     with pytest.raises(stillpoint.Error, match="Tracker.track: result"):
         stillpoint.run_sequence(sequence, front_end, Wrong())
 
+    class NotANumber(Still):
+        def track(self, frame, mask, selection):
+            pose = super().track(frame, mask, selection)
+            return np.full((4, 4), np.nan) if len(self.calls) == 3 else pose
+
+    with pytest.raises(stillpoint.Error, match="return None where the camera is lost"):
+        stillpoint.run_sequence(sequence, front_end, NotANumber())
+
+
+def test_a_tracker_may_run_twice(sequence):
+    tracker = Still()
+    first = stillpoint.run_sequence(sequence, None, tracker)
+    tracker.calls.clear()
+    assert len(stillpoint.run_sequence(sequence, None, tracker)) == len(first)
+
 
 def test_a_wrong_depth_factor_is_noticed(sequence):
     def problem(units, motion=None):

@@ -1,4 +1,6 @@
 # SPDX-License-Identifier: BSD-2-Clause
+import copy
+import gc
 import os
 import signal
 import subprocess
@@ -67,6 +69,7 @@ def test_what_it_raises_is_reported_and_survived(scene):
     [
         (7, "expected a list of stillpoint.Instance, found 7"),
         (np.zeros((48, 64), np.float32), "found float32 array"),
+        (np.zeros((120, 160), np.uint8), "color image's size 320x240, found 160x120"),
         ([stillpoint.Instance((0, 0, 900, 10))], "expected a non-empty box inside 320x240"),
     ],
 )
@@ -116,6 +119,51 @@ def test_a_detection_thread_gives_late_results(scene):
         thread.segment(first)
     running = stillpoint.DetectionThread(Labels(scene, slow))  # ends with the process
     running.segment(first)
+
+
+def test_a_detection_thread_ends_wherever_python_drops_it(scene):
+    class Robot:
+        """A cycle, as of a camera that calls back: collected at some time, in some thread."""
+
+        def __init__(self):
+            self.thread = stillpoint.DetectionThread(Labels(scene, self.collect))
+            self.on_frame = self.step
+
+        def collect(self, labels):
+            for _ in range(3):
+                gc.collect()
+            return labels
+
+        def step(self, frame):
+            self.thread.segment(frame)
+
+    first = scene.frames[0].rgbd()
+    for _ in range(20):
+        Robot().on_frame(first)
+    gc.collect()
+
+    class Closing(stillpoint.Segmenter):
+        def segment(self, frame):
+            self.thread.close()
+
+    closing = Closing()
+    closing.thread = stillpoint.DetectionThread(closing)
+    front_end = stillpoint.FrontEnd(scene.camera, closing.thread)
+    front_end.compute_mask(first)
+    assert closing.thread.wait_for_result(10)
+    front_end.compute_mask(scene.frames[1].rgbd())
+    assert "another thread than its own" in front_end.stats.segmenter_error
+    closing.thread.close()
+
+
+def test_a_segmenter_is_not_copied(scene):
+    class WithState(Labels):
+        def __getstate__(self):
+            return {}
+
+    for made in (WithState(scene), stillpoint.Tracker()):
+        with pytest.raises(stillpoint.Error, match="cannot be copied"):
+            copy.deepcopy(made)
 
 
 def test_a_detection_thread_may_be_closed_while_others_use_it(scene):

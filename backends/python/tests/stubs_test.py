@@ -13,7 +13,10 @@ import stillpoint
 
 PACKAGE = pathlib.Path(stillpoint.__file__).parent
 # Python calls these, and the stubs leave them to object.
-IMPLIED = {"__repr__", "__hash__", "__doc__", "__module__", "__init__", "__new__", "__weakref__"}
+IMPLIED = {
+    *("__repr__", "__hash__", "__doc__", "__module__", "__init__", "__new__", "__weakref__"),
+    "__reduce_ex__",
+}
 
 
 def stubs():

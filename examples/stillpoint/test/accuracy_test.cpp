@@ -183,5 +183,16 @@ TEST_F(Cli, BenchSaysTheDynamicShareAndTheMasks) {
   EXPECT_LT(r.out.find("limit"), r.out.find("recall")) << r.out;
 }
 
+TEST_F(Cli, EvaluateTakesTheFramesOfAListWithoutItsImages) {
+  ASSERT_EQ(run("run walk --front-end off --out listed").code, 0);
+  fs::create_directories(path("lists"));
+  for (const char* name : {"rgb.txt", "depth.txt", "groundtruth.txt"})
+    fs::copy_file(path("walk") / name, path("lists") / name);
+  const Result r =
+      run("evaluate --groundtruth lists/groundtruth.txt --estimate listed/trajectory.txt");
+  EXPECT_EQ(r.code, 0) << r.err;
+  EXPECT_NE(r.out.find("of 12 frames"), std::string::npos) << r.out;
+}
+
 }  // namespace
 }  // namespace stillpoint

@@ -179,5 +179,14 @@ TEST_F(Cli, BenchPutsThePapersTablesBesideOurs) {
   expect_error("bench --merge paper --paper data --out paper", 2, "runs nothing");
 }
 
+TEST_F(Cli, BenchJudgesAnEstimateOverTheSameFrames) {
+  ASSERT_EQ(run("run walk --front-end off --out whole").code, 0);
+  const Result r =
+      run("bench walk --frames 6 --variants off --estimate mine=whole/trajectory.txt --out part");
+  ASSERT_EQ(r.code, 0) << r.err;
+  const Json estimate = json_of(path("part") / "runs" / "walk" / "estimate_mine.0.json");
+  EXPECT_EQ(estimate.at("stats").at("evaluation").at("pairs"), 6) << estimate.dump(1);
+}
+
 }  // namespace
 }  // namespace stillpoint

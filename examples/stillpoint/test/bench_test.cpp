@@ -234,5 +234,31 @@ TEST_F(Cli, BenchStudiesDilationAndBlur) {
   EXPECT_GE(kept_0, kept_20);
 }
 
+TEST_F(Cli, BenchCountsNoRunTwiceAndKeepsNoneOfOtherInput) {
+  const std::string bench = "bench walk --frames 4 ";
+  expect_error(bench + "--out twice --variants off,off", 1, "asked for twice");
+  expect_error(bench + "--out twice --variants off --vary dilation_px=5,5", 1, "asked for twice");
+
+  // Another camera of the same name.
+  const std::string yaml = text_of(path("walk") / "camera.yaml");
+  std::ofstream(path("mine.yaml")) << yaml;
+  const std::string mine = bench + "--out mine --variants off --camera mine.yaml";
+  ASSERT_EQ(run(mine).code, 0);
+  EXPECT_NE(run(mine).out.find("kept from before"), std::string::npos);
+  std::ofstream(path("mine.yaml")) << yaml << "# another\n";
+  EXPECT_EQ(run(mine).out.find("kept from before"), std::string::npos);
+
+  // Other masks in a folder within a folder.
+  fs::copy(path("walk"), path("nested"), fs::copy_options::recursive);
+  fs::create_directories(path("nested") / "nets");
+  fs::copy(path("walk") / "masks", path("nested") / "nets" / "a", fs::copy_options::recursive);
+  const std::string nets =
+      "bench nested --frames 4 --out nets --variants default --masks-folder nets/a/";
+  ASSERT_EQ(run(nets).code, 0);
+  EXPECT_NE(run(nets).out.find("kept from before"), std::string::npos);
+  fs::remove(fs::directory_iterator(path("nested") / "nets" / "a")->path());
+  EXPECT_EQ(run(nets).out.find("kept from before"), std::string::npos);
+}
+
 }  // namespace
 }  // namespace stillpoint

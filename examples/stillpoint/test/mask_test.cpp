@@ -171,5 +171,30 @@ TEST_F(Mask, GoesOnAfterAKillWithTheSameBytes) {
                "masks with another camera");
 }
 
+TEST_F(Mask, MaskedDepthHasAFolderOfItsOwn) {
+  const std::string mask = "mask walk --masks walk/masks --frames 3 ";
+  expect_error(mask + "--out o --masked-depth o", 1, "another folder than --out");
+  expect_error(mask + "--out o --masked-depth walk/depth", 1, "holds the depth that is read");
+  EXPECT_FALSE(fs::exists(path("o")));
+  // What is there of other masks is no result of these.
+  ASSERT_EQ(run(mask + "--out o1 --masked-depth od").code, 0);
+  ASSERT_EQ(run(mask + "--out o2 --masked-depth od --set dilation_px=25").code, 0);
+  ASSERT_EQ(run(mask + "--out o3 --masked-depth od3 --set dilation_px=25").code, 0);
+  expect_same_images("od", "od3");
+  expect_error(mask + "--out o1 --masked-depth od4", 1, "another masked_depth");
+}
+
+TEST_F(Mask, ImagesOfOneNameAreRefused) {
+  for (const char* n : {"0", "1"}) fs::create_directories(path("same") / n);
+  std::vector<fs::path> images;
+  for (const auto& entry : fs::directory_iterator(path("walk") / "rgb"))
+    images.push_back(entry.path());
+  for (int i = 0; i < 2; ++i)
+    fs::copy_file(images[static_cast<std::size_t>(i)],
+                  path("same") / std::to_string(i) / "color.png");
+  std::ofstream(path("same") / "rgb.txt") << "1.0 0/color.png\n1.1 1/color.png\n";
+  expect_error("mask same --masks walk/masks --out same_out", 1, "have one name");
+}
+
 }  // namespace
 }  // namespace stillpoint

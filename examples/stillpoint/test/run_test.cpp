@@ -306,5 +306,49 @@ TEST_F(Cli, LostFramesAreSaid) {
       << r.out;
 }
 
+TEST_F(Cli, WhatIsLeftOutOrCannotBeIsSaid) {
+  fs::copy(path("walk"), path("sparse"), fs::copy_options::recursive);
+  std::ifstream list(path("walk") / "depth.txt");
+  std::ofstream third(path("sparse") / "depth.txt");
+  int n = 0;
+  for (std::string line; std::getline(list, line);)
+    if (line[0] != '#' && n++ % 3 == 0) third << line << "\n";
+  third.close();
+  const std::string words = "8 of 12 listed color images have no depth within 0.02 s";
+  const Result sparse = run("run sparse --front-end off --out sparse_out");
+  EXPECT_EQ(sparse.code, 0) << sparse.err;
+  EXPECT_NE(sparse.err.find(words), std::string::npos) << sparse.err;
+  EXPECT_NE(run("mask sparse --out sparse_masks").err.find(words), std::string::npos);
+  EXPECT_EQ(run("run walk --front-end off --out walk_out").err.find("listed"), std::string::npos);
+
+  std::string yaml = text_of(path("walk") / "camera.yaml");
+  const std::size_t cx = yaml.find("Camera.cx:");
+  ASSERT_NE(cx, std::string::npos);
+  yaml.replace(cx, yaml.find('\n', cx) - cx, "Camera.cx: 640");
+  std::ofstream(path("large.yaml")) << yaml;
+  const Result large = run("run walk --frames 3 --front-end off --camera large.yaml --out large");
+  EXPECT_NE(large.err.find("principal point, 640.0"), std::string::npos) << large.err;
+
+  expect_error("run walk --out nofile --save-objects no/such/file.csv", 1,
+               "found no folder no/such");
+  EXPECT_FALSE(fs::exists(path("nofile") / "stats.json"));
+}
+
+TEST_F(Cli, TwoPosesOfGroundTruthEndNoRun) {
+  fs::copy(path("walk"), path("short"), fs::copy_options::recursive);
+  std::vector<double> times;
+  std::ifstream list(path("walk") / "rgb.txt");
+  for (std::string line; std::getline(list, line);)
+    if (line[0] != '#') times.push_back(std::stod(line));
+  std::ofstream truth(path("short") / "groundtruth.txt");
+  truth.precision(17);
+  for (const std::size_t i : {3, 7}) truth << (times[i] + times[i + 1]) / 2 << " 0 0 0 0 0 0 1\n";
+  truth.close();
+  const Result r = run("run short --front-end off --out short_out");
+  EXPECT_EQ(r.code, 0) << r.err;
+  EXPECT_NE(r.err.find("fewer than three pairs"), std::string::npos) << r.err;
+  EXPECT_FALSE(json_of(path("short_out") / "stats.json").contains("evaluation"));
+}
+
 }  // namespace
 }  // namespace stillpoint

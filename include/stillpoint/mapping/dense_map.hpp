@@ -54,7 +54,7 @@ class DenseMap {
     const auto require = [](bool condition, const char* what) {
       detail::check(condition, [&] { return "DenseMap settings: expected " + std::string(what); });
     };
-    require(settings.voxel_m > 0, "voxel_m > 0");
+    require(settings.voxel_m >= 1e-4 && settings.voxel_m <= 1e3, "voxel_m of 1e-4 to 1e3");
     require(settings.stride_px > 0, "stride_px > 0");
     require(settings.max_voxels > 0, "max_voxels > 0");
     require(settings.min_depth_m >= 0 && settings.max_depth_m > settings.min_depth_m,
@@ -74,6 +74,11 @@ class DenseMap {
     detail::check(camera.valid(), [] {
       return std::string("DenseMap::integrate: expected a camera with focal lengths, found none");
     });
+    for (const double v : {camera.fx, camera.fy, camera.cx, camera.cy, camera.k1, camera.k2,
+                           camera.p1, camera.p2, camera.k3})
+      detail::check(std::isfinite(v), [&] {
+        return "DenseMap::integrate: camera: expected finite numbers, found " + std::to_string(v);
+      });
     detail::check(mask.image.empty() ||
                       (mask.image.type() == CV_8UC1 && mask.image.size() == frame.color.size()),
                   [&] {

@@ -145,8 +145,11 @@ class MaskNode : public rclcpp::Node {
   image_transport::Subscriber subscribe_to_image(
       const std::string& topic, const std::string& transport_parameter,
       const image_transport::Subscriber::Callback& callback) {
+    rcl_interfaces::msg::ParameterDescriptor descriptor;
+    descriptor.description = "image_transport of " + topic;
+    descriptor.read_only = true;
     return image_transport::create_subscription(
-        this, resolved(topic), callback, declare_parameter(transport_parameter, "raw"),
+        this, resolved(topic), callback, declare_parameter(transport_parameter, "raw", descriptor),
         rmw_qos_profile_sensor_data, overridable<rclcpp::SubscriptionOptions>());
   }
 
@@ -162,14 +165,18 @@ class MaskNode : public rclcpp::Node {
         [this](const Image::ConstSharedPtr& m) { stream_->add_segmentation(core::read_labels(m)); },
         overridable<rclcpp::SubscriptionOptions>());
     boxes_ = create_subscription<Detection2DArray>(
-        "detections", rclcpp::SensorDataQoS(), [this](const Detection2DArray::ConstSharedPtr& m) {
+        "detections", rclcpp::SensorDataQoS(),
+        [this](const Detection2DArray::ConstSharedPtr& m) {
           stream_->add_segmentation(core::read_detections(*m));
-        });
-    info_ = create_subscription<CameraInfo>("color/camera_info", rclcpp::SensorDataQoS(),
-                                            [this](const CameraInfo::ConstSharedPtr& m) {
-                                              stream_->add_camera_info(core::read_camera_info(*m));
-                                              std::atomic_store(&last_info_, m);
-                                            });
+        },
+        overridable<rclcpp::SubscriptionOptions>());
+    info_ = create_subscription<CameraInfo>(
+        "color/camera_info", rclcpp::SensorDataQoS(),
+        [this](const CameraInfo::ConstSharedPtr& m) {
+          stream_->add_camera_info(core::read_camera_info(*m));
+          std::atomic_store(&last_info_, m);
+        },
+        overridable<rclcpp::SubscriptionOptions>());
   }
 
   void subscribe_to_poses() {
@@ -177,11 +184,13 @@ class MaskNode : public rclcpp::Node {
     tf_listener_ = std::make_unique<tf2_ros::TransformListener>(*tf_, this, true);
     if (pose_source_ != "odometry") return;
     odometry_ = create_subscription<Odometry>(
-        "odometry", rclcpp::SensorDataQoS(), [this](const Odometry::ConstSharedPtr& m) {
+        "odometry", rclcpp::SensorDataQoS(),
+        [this](const Odometry::ConstSharedPtr& m) {
           odometry_poses_.add(
               core::stamp_of(m->header), m->header.frame_id, m->child_frame_id,
               core::read_transform(m->pose.pose.position, m->pose.pose.orientation));
-        });
+        },
+        overridable<rclcpp::SubscriptionOptions>());
   }
 
   std::string transform(const std::string& to, const std::string& from, tf2::TimePoint time,

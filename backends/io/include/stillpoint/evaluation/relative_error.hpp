@@ -85,6 +85,8 @@ inline RpeResult rpe(const Trajectory& groundtruth, const Trajectory& estimate,
       j = detail::nearest(e, e[i] + settings.delta_s);
       // The last pose is the nearest one for every target behind the end.
       if (j + 1 == e.size()) continue;
+      // So is a pose to itself, if the time apart is less than that to the next.
+      if (j == i && std::isfinite(settings.max_delta_error_s)) continue;
       if (std::abs(e[j] - (e[i] + settings.delta_s)) > settings.max_delta_error_s) continue;
     }
     if (j >= e.size()) break;

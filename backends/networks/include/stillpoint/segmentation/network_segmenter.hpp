@@ -135,6 +135,10 @@ class NetworkSegmenter : public Segmenter {
                   (names.empty() ? "none (only 80 and 90 classes are taken for COCO's)"
                                  : std::to_string(names.size())) +
                   "; set NetworkSegmenterSettings.class_names");
+    if (std::count(names.begin(), names.end(), "") > 0)
+      throw Error(runtime_->name() +
+                  ": expected a name for each class, found an empty one; an object without a name "
+                  "counts as found by its motion");
   }
 
   std::unique_ptr<NetworkRuntime> runtime_;

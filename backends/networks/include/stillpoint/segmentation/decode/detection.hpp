@@ -31,15 +31,18 @@ inline float sigmoid(float v) { return 1 / (1 + std::exp(-v)); }
 
 /// Throws Error if one of n numbers is NaN: such a network says nothing, and taking that for
 /// "nobody is here" would be worse than an error. O(n).
-inline void check_not_nan(const TensorView& tensor, std::size_t first, std::size_t n) {
+inline void check_not_nan(const std::string& output, const float* numbers, std::size_t n) {
   // NaN is the only number that differs from itself; a sum of flags is quick.
   std::size_t bad = 0;
-  for (std::size_t i = first; i < first + n; ++i) bad += tensor.data[i] != tensor.data[i];
+  for (std::size_t i = 0; i < n; ++i) bad += numbers[i] != numbers[i];
   check(bad == 0, [&] {
-    return "output \"" + tensor.name + "\" of the network: expected scores, found " +
+    return "output \"" + output + "\" of the network: expected numbers, found " +
            std::to_string(bad) + " NaN of " + std::to_string(n) +
            "; the weights are broken, or 16-bit floats overflow: run it with 32-bit floats";
   });
+}
+inline void check_not_nan(const TensorView& tensor, std::size_t first, std::size_t n) {
+  check_not_nan(tensor.name, tensor.data + first, n);
 }
 
 /// Of n class scores, `step` apart, the highest; the first of equal ones.

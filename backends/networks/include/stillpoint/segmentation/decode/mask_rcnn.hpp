@@ -75,6 +75,7 @@ class MaskRcnnDecoder : public Decoder {
       map.offset_x -= d.x0 / step_x, map.offset_y -= d.y0 / step_y;
       const float* soft =
           masks.data + (d.source * class_count + static_cast<std::size_t>(d.class_id)) * plane;
+      detail::check_not_nan(masks.name, soft, plane);
       const std::string& name = names[static_cast<std::size_t>(d.class_id)];
       detail::add_masked(name, d.score, box,
                          detail::threshold_soft_mask(soft, width, height, map, box, threshold),

@@ -53,6 +53,7 @@ class SparseInstDecoder : public Decoder {
       d.score = s[d.class_id];
       d.source = i;
       if (!(d.score > least)) continue;
+      detail::check_not_nan(masks, i * plane, plane);
       if (weigh(masks.data + i * plane, width, height, threshold, d)) found.push_back(d);
     }
     detail::keep_best(found, static_cast<std::size_t>(std::max(0, settings.max_instances)));

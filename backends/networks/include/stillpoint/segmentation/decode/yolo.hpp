@@ -33,6 +33,8 @@ class PrototypeMasks {
   /// the box + pixels of the box).
   void add(const Detection& d, const float* coefficients, std::size_t step, float threshold,
            const std::string& class_name, std::vector<Instance>& instances) {
+    const float corners[] = {d.x0, d.y0, d.x1, d.y1};
+    check_not_nan("box", corners, 4);
     const cv::Rect box = place_.to_image(d.x0, d.y0, d.x1, d.y1);
     if (box.empty()) return;
     const int count = prototypes_.dim(1), height = prototypes_.dim(2), width = prototypes_.dim(3);
@@ -58,6 +60,7 @@ class PrototypeMasks {
         for (int x = x0; x <= x1; ++x) *to++ += c * in[x];
       }
     }
+    check_not_nan(prototypes_.name, soft_.data(), soft_.size());
     for (float& v : soft_) v = sigmoid(v);
     const GridMap local = {map.scale_x, map.offset_x - x0, map.scale_y, map.offset_y - y0};
     const cv::Mat mask =

@@ -93,7 +93,7 @@ class MapTracking {
       if (!lost_since_s_) lost_since_s_ = now_s_;
       stats_.restart_due = passed(*lost_since_s_, settings_.restart_after_s) &&
                            map.keyframe_count() > 0 &&
-                           map.keyframe_count() < settings_.restart_keyframes;
+                           map.keyframe_end() < settings_.restart_keyframes;
     }
     tracking_ = ok || leaps;
     return ok;
@@ -112,6 +112,8 @@ class MapTracking {
   static constexpr double kBusyGapS = 1.0 / 6;
   // No camera in a hand or on a robot changes its speed by so much from frame to frame.
   static constexpr double kMostSpeedChangeM_s = 3;
+  // Images whose stamps come in bursts, as of arrival, are as far apart as others.
+  static constexpr double kLeastStepS = 0.02;
 
   // Whether so much time has passed, but for the jitter of timestamps: less than a frame at 90 Hz.
   bool passed(double since_s, double wanted_s) const { return now_s_ - since_s > wanted_s - 0.01; }
@@ -215,7 +217,8 @@ class MapTracking {
   bool is_leap_from(const Eigen::Isometry3d& predicted) const {
     const Eigen::Isometry3d T_predicted_now = predicted * current_.T_camera_world.inverse();
     return stats_.inliers < kSureInliers &&
-           T_predicted_now.translation().norm() > kMostSpeedChangeM_s * (now_s_ - tracked_s_);
+           T_predicted_now.translation().norm() >
+               kMostSpeedChangeM_s * std::max(now_s_ - tracked_s_, kLeastStepS);
   }
 
   bool keyframe_due(const Map& map, bool mapper_busy) const {

@@ -5,9 +5,11 @@
 #include <cmath>
 #include <cstddef>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "stillpoint/core/camera.hpp"
+#include "stillpoint/core/error.hpp"
 #include "stillpoint/core/normal_equations.hpp"
 #include "stillpoint/core/rigid_motion.hpp"
 #include "stillpoint/sensor/sensor_model.hpp"
@@ -38,6 +40,16 @@ struct NoiseModel {
   double sigma_refined_px = 0.2;
   /// Of depths.
   SensorModel sensor;
+
+  /// Throws Error for numbers that no sensor has.
+  void check() const {
+    for (const double sigma : {sigma_px, sigma_refined_px})
+      stillpoint::detail::check(sigma > 0 && std::isfinite(sigma), [&] {
+        return "NoiseModel: sigma_px, sigma_refined_px: expected pixels, more than 0, found " +
+               std::to_string(sigma);
+      });
+    sensor.check();
+  }
 
   /// Standard deviation of 1/depth where `inverse_depth` was measured, 1/m.
   double sigma_inverse_depth(double inverse_depth) const {

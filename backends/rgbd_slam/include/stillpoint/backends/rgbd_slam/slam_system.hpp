@@ -73,6 +73,7 @@ class SlamSystem final : public Tracker {
              std::unique_ptr<FeatureExtractor> extractor = nullptr)
       : settings_(settings), extractor_(std::move(extractor)) {
     check_camera("SlamSystem", camera);
+    settings.noise.check();
     if (!extractor_) extractor_ = std::make_unique<OrbExtractor>(settings.features);
     model_ = {camera, settings.noise, extractor_->levels(), extractor_->scale_factor()};
     start_anew();
@@ -110,7 +111,7 @@ class SlamSystem final : public Tracker {
     std::optional<Eigen::Isometry3d> pose;
     {
       const std::lock_guard<FairMutex> guard(map_mutex_);
-      if (settings_.revise_poses) review_.keep(keypoints, gray_);
+      if (settings_.revise_poses) review_.keep(keypoints, gray_, tracking_->history().size() > 0);
       if (tracking_->track(map_, index_, std::move(keypoints), pyramid_, busy))
         pose = tracking_->current().T_camera_world.inverse();
       if (stats().keyframe) waiting_.push_back(tracking_->newest_keyframe());

@@ -30,9 +30,11 @@ namespace stillpoint::rgbd_slam {
 class StartReview {
  public:
   /// Takes a frame that will be tracked. One of the first is kept, about 0.5 MB at 640 x 480, until
-  /// run() has judged it. The caller holds the map's lock.
-  void keep(const KeypointFrame& frame, const cv::Mat& gray) {
+  /// run() has judged it. The first is the newest that comes before any is tracked (`started`). The
+  /// caller holds the map's lock.
+  void keep(const KeypointFrame& frame, const cv::Mat& gray, bool started) {
     if (over_) return;
+    if (!started) kept_.clear();
     // Without a clock, or with one that was set back, nobody knows which keyframes are later.
     if (!kept_.empty() && frame.timestamp <= kept_.back().frame.timestamp) {
       over_ = true;
