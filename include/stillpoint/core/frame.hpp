@@ -15,6 +15,8 @@ namespace stillpoint {
 /// Color and depth that were taken further apart, seconds, do not belong together, or their clocks
 /// differ.
 constexpr double kMostDepthOffsetS = 0.5;
+/// No timestamp is as late, the year 5138; milliseconds since 1970 have been beyond it since 1973.
+constexpr double kLatestS = 1e11;
 
 /// One image of an RGB-D camera. cv::Mat members share their data: copying a frame is cheap.
 struct RgbdFrame {
@@ -70,9 +72,6 @@ inline std::string type_text(const cv::Mat& m) {
 
 /// Throws Error if the time of two frames in a row is 0: nobody set it, and history would be
 /// forgotten in each frame.
-/// The year 5138; milliseconds since 1970 have been beyond it since 1973.
-inline constexpr double kLatestS = 1e11;
-
 inline void check_time_is_set(double last_s, double now_s) {
   check(last_s != 0 || now_s != 0, [] {
     return std::string(
@@ -92,7 +91,7 @@ inline void check_frame(const RgbdFrame& frame) {
   detail::check(frame.color.type() == CV_8UC3 || frame.color.type() == CV_8UC1, [&] {
     return "frame.color: expected CV_8UC3 (BGR) or CV_8UC1, found " + type_text(frame.color);
   });
-  detail::check(std::abs(frame.timestamp) < detail::kLatestS, [&] {
+  detail::check(std::abs(frame.timestamp) < kLatestS, [&] {
     return "frame.timestamp: expected seconds, found " + std::to_string(frame.timestamp) +
            (std::isfinite(frame.timestamp) ? "; divide milliseconds by 1e3, nanoseconds by 1e9"
                                            : "");
