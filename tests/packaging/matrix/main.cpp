@@ -16,7 +16,7 @@ int main() {
   stillpoint::FrontEnd front_end;
   front_end.compute_mask(frame, people);
   stillpoint::compact(keypoints, front_end.select(keypoints));
-  front_end.compute_mask(frame, {true, timestamp_s + 0.1});
+  front_end.compute_mask({color, depth, timestamp_s + 0.1}, {true, timestamp_s + 0.1});
   front_end.correct_pose(Eigen::Isometry3d::Identity());
   stillpoint::SegmentationCompensator compensator;
   stillpoint::DepthMaskFuser fuser({}, {});
