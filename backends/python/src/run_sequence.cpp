@@ -10,6 +10,7 @@
 #include "segmenter.hpp"
 #include "sequences.hpp"
 #include "slam.hpp"
+#include "stillpoint/core/rigid_motion.hpp"
 
 namespace stillpoint::python {
 namespace {
@@ -48,9 +49,7 @@ class PyTracker : public Tracker {
     const Pose pose =
         pose_or_none(needed("track")(frame, image_of(mask), selection), "Tracker.track: result");
     if (!pose) return pose;
-    const Eigen::Matrix3d R = pose->linear();
-    const double off = (R * R.transpose() - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
-    if (!pose->matrix().allFinite() || !(off < 1e-3) || !(R.determinant() > 0))
+    if (!stillpoint::detail::is_rigid(*pose))
       throw Error(
           "Tracker.track: result: expected a rotation and a translation, found another matrix, or "
           "NaN; return None where the camera is lost");

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cmath>
 #include <opencv2/core.hpp>
 #include <string>
 
@@ -81,5 +82,18 @@ struct Camera {
     return c;
   }
 };
+
+/// Throws Error for a camera without focal lengths, or with a number that is not finite: it would
+/// spoil a map for good. `who` is named in it.
+inline void check_camera(const char* who, const Camera& camera) {
+  detail::check(camera.valid(), [&] {
+    return std::string(who) + ": expected a camera with focal lengths, found none";
+  });
+  for (const double v : {camera.fx, camera.fy, camera.cx, camera.cy, camera.k1, camera.k2,
+                         camera.p1, camera.p2, camera.k3})
+    detail::check(std::isfinite(v), [&] {
+      return std::string(who) + ": camera: expected finite numbers, found " + std::to_string(v);
+    });
+}
 
 }  // namespace stillpoint

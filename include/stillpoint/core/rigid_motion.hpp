@@ -25,6 +25,14 @@ inline Eigen::Matrix3d rotation_matrix(const Eigen::Vector3d& vector) {
   return Eigen::AngleAxisd(angle, vector / angle).toRotationMatrix();
 }
 
+/// Whether all numbers are finite, and the linear part is a rotation.
+inline bool is_rigid(const Eigen::Isometry3d& T) {
+  constexpr double kOff = 1e-3;  // how far a rotation matrix may be off one
+  const Eigen::Matrix3d R = T.linear();
+  return T.matrix().allFinite() && R.determinant() > 0 &&
+         (R * R.transpose() - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff() < kOff;
+}
+
 /// The motion of a step of six unknowns: translation, then rotation vector.
 inline Eigen::Isometry3d motion_of_step(const Eigen::Matrix<double, 6, 1>& step) {
   Eigen::Isometry3d T = Eigen::Isometry3d::Identity();

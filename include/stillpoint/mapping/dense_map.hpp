@@ -71,14 +71,7 @@ class DenseMap {
   void integrate(const RgbdFrame& frame, const Camera& camera, const DynamicMask& mask,
                  const Eigen::Isometry3d& T_world_camera) {
     check_frame(frame, camera);
-    detail::check(camera.valid(), [] {
-      return std::string("DenseMap::integrate: expected a camera with focal lengths, found none");
-    });
-    for (const double v : {camera.fx, camera.fy, camera.cx, camera.cy, camera.k1, camera.k2,
-                           camera.p1, camera.p2, camera.k3})
-      detail::check(std::isfinite(v), [&] {
-        return "DenseMap::integrate: camera: expected finite numbers, found " + std::to_string(v);
-      });
+    check_camera("DenseMap::integrate", camera);
     detail::check(mask.image.empty() ||
                       (mask.image.type() == CV_8UC1 && mask.image.size() == frame.color.size()),
                   [&] {

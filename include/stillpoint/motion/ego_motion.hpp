@@ -64,7 +64,7 @@ class EgoMotion {
     host_pose_.reset();
     predicted_.reset();
     if (host) {
-      if (is_rigid(*host))
+      if (detail::is_rigid(*host))
         predicted_ = host;
       else
         status_ |= kPoseRefused;
@@ -94,7 +94,7 @@ class EgoMotion {
   /// Tells the pose that the host tracked for the last frame, in the host's own world. Of several
   /// for one frame the last counts.
   void correct(const Eigen::Isometry3d& T_world_camera) {
-    if (!is_rigid(T_world_camera)) {
+    if (!detail::is_rigid(T_world_camera)) {
       status_ |= kPoseRefused;
       return;
     }
@@ -171,17 +171,10 @@ class EgoMotion {
   }
 
  private:
-  static constexpr double kRigid = 1e-3;  // how far a rotation matrix may be off one
   // Images that show so much of the same belong together, whatever the host predicts.
   static constexpr double kSure = 0.5;
   // From depth to depth: 5 Hz are bridged. Corners of longer ago are not found again.
   static constexpr double kLongestGapS = 0.25;
-
-  static bool is_rigid(const Eigen::Isometry3d& T) {
-    const Eigen::Matrix3d R = T.linear();
-    return T.matrix().allFinite() && R.determinant() > 0 &&
-           (R * R.transpose() - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff() < kRigid;
-  }
 
   // Where its images show the same, a motion of the host's is as good as theirs or better.
   bool trusts(const Eigen::Isometry3d& T_current_last) const {

@@ -24,6 +24,7 @@
 #include "stillpoint/backends/rgbd_slam/place_index.hpp"
 #include "stillpoint/backends/rgbd_slam/start_review.hpp"
 #include "stillpoint/backends/rgbd_slam/tracker_input.hpp"
+#include "stillpoint/core/camera.hpp"
 #include "stillpoint/tracking/tracker.hpp"
 
 namespace stillpoint::rgbd_slam {

@@ -7,7 +7,6 @@
 #include <string>
 
 #include "stillpoint/backends/rgbd_slam/features.hpp"
-#include "stillpoint/core/camera.hpp"
 #include "stillpoint/core/error.hpp"
 #include "stillpoint/core/frame.hpp"
 #include "stillpoint/core/selection.hpp"
@@ -16,16 +15,6 @@ namespace stillpoint::rgbd_slam {
 
 /// What a tracker's callers can get wrong: one number that is not finite would spoil the map for
 /// good, so it is refused before anything changes. Each throws Error; `who` is named in it.
-
-inline void check_camera(const std::string& who, const Camera& camera) {
-  stillpoint::detail::check(
-      camera.valid(), [&] { return who + ": expected a camera with focal lengths, found none"; });
-  for (const double v : {camera.fx, camera.fy, camera.cx, camera.cy, camera.k1, camera.k2,
-                         camera.p1, camera.p2, camera.k3})
-    stillpoint::detail::check(std::isfinite(v), [&] {
-      return who + ": camera: expected finite numbers, found " + std::to_string(v);
-    });
-}
 
 /// What a FeatureExtractor of the caller's found.
 inline void check_features(const std::string& who, const Features& features, int levels) {
