@@ -312,6 +312,9 @@ TEST(Ros2OdometryPoses, PutsTheCameraOnItsBody) {
   EXPECT_TRUE(T.translation().isApprox(Eigen::Vector3d(2, 0, 0))) << "odometry of the camera";
   EXPECT_NE(poses.at(1200000000, "base", mount, T).find("found them from 1.000 to 1.100"),
             std::string::npos);
+  poses.add(1100000000, "odom", "", body);
+  EXPECT_NE(poses.at(1050000000, "camera", mount, T).find("child_frame_id"), std::string::npos)
+      << "of the wheels or of the camera: nobody knows";
 }
 
 TEST(Ros2Parameters, EveryDefaultIsAllowedAndSettable) {

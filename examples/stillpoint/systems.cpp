@@ -197,8 +197,12 @@ void choose_segmenter(RunSettings& settings) {
         "torchscript");
   if (settings.async && settings.latency_ms >= 0)
     throw Error("--async and --latency exclude each other: one is real, one is played");
-  if (settings.segmenter == "none" && !settings.dynamic.empty())
-    throw Error("--dynamic: only a segmenter names classes, found --segmenter none");
+  for (const auto& [option, given] :
+       {std::make_pair("--dynamic: only a segmenter names classes", !settings.dynamic.empty()),
+        std::make_pair("--latency: only a segmenter's results are late", settings.latency_ms >= 0),
+        std::make_pair("--async: only a segmenter runs in a thread", settings.async)})
+    if (given && settings.segmenter == "none")
+      throw Error(std::string(option) + ", found --segmenter none");
   dynamic_classes(settings);  // says what is wrong with them
 }
 

@@ -288,6 +288,25 @@ TEST(FrontEndObjects, KeepIdsWhoseMissesAreFoundByTheirMotion) {
   EXPECT_LE(predicted_through_misses({}), 5);
 }
 
+TEST(FrontEndObjects, BehindASlowSegmenterAreSeenWhenItsFrameShowsThem) {
+  // Every third frame has the result of the frame 0.1 s before.
+  FrontEnd front_end(FrontEndSettings::network_only(), kScene.camera());
+  for (int i = 0; i < 60; ++i) {
+    Segmentation late;
+    if (i > 0 && i % 3 == 0) {
+      late = result({box_instance(person_at(20 + 3 * (i - 3)).box, kScene.size)});
+      late.timestamp = time_of(i - 3);
+    }
+    front_end.compute_mask(kScene.frame(time_of(i), {person_at(20 + 3 * i)}), late);
+    if (i < 3) continue;
+    ASSERT_EQ(front_end.objects().size(), 1u) << i;
+    const DynamicObject& object = front_end.objects().front();
+    EXPECT_EQ(object.id, 0) << i;
+    EXPECT_NEAR(object.unseen_s, 0.1 + i % 3 / 30.0, 1e-6) << i;
+    EXPECT_NEAR(object.tracked_s, i / 30.0, 1e-6) << i;
+  }
+}
+
 TEST(FrontEndObjects, MovesWithTheFrontEnd) {
   FrontEnd first({}, kScene.camera());
   first.compute_mask(kScene.frame(time_of(0), {person_at(40)}),

@@ -72,7 +72,7 @@ void bind_object(py::module_& m) {
           },
           "(height, width) of the box, uint8, 255 = object, before dilation; None: only the box.")
       .def_readonly("predicted", &DynamicObject::predicted,
-                    "Missed in this frame; the mask was carried here from earlier ones.")
+                    "Missed in this frame, or its result is late: the mask was carried here.")
       .def_readonly("depth_m", &DynamicObject::depth_m, "Median depth; 0: not measured.")
       .def_property_readonly(
           "shift_px",

@@ -30,6 +30,8 @@ TEST_F(Cli, LateMasksArePlayed) {
   EXPECT_GT(json_of(path("thread") / "stats.json")["masks"]["iou_after"], 0.5);
   expect_error("run walk --out late --latency 100 --async", 1, "exclude each other");
   expect_error("run walk --out late --latency -5", 2, "--latency");
+  expect_error("run walk --out late --segmenter none --latency 100", 1, "--latency: only");
+  expect_error("run walk --out late --segmenter none --async", 1, "--async: only");
 }
 
 TEST_F(Cli, FramesThatComeTooLateAreDropped) {

@@ -32,6 +32,9 @@ struct Instance {
   /// The mask was carried here from earlier frames and may lie a little beside the object.
   /// Segmenters leave it alone, the compensator fills it in.
   bool predicted = false;
+  /// By how many seconds the result is late that shows it; 0: in time, or no result shows it.
+  /// Segmenters leave it alone, the front end fills it in.
+  double late_s = 0;
   /// Motion blur in the frame. Segmenters leave it alone, the front end fills it in.
   Blur blur{};
 };

@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <limits>
 #include <opencv2/core.hpp>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -56,6 +57,8 @@ class ObjectTracker {
       seen.class_name = instances[i].class_name;
       seen.box = instances[i].box;
       seen.predicted = instances[i].predicted;
+      if (!seen.predicted || instances[i].late_s > 0)
+        seen.at_s = context.frame.timestamp - instances[i].late_s;
     }
   }
 
@@ -110,6 +113,7 @@ class ObjectTracker {
     std::string class_name;
     cv::Rect box;
     bool predicted = false;
+    std::optional<double> at_s;  // of the frame that shows it; none does: it is only remembered
     ObjectMeasurement measurement;
     Eigen::Vector3d position = Eigen::Vector3d::Zero();  // in the world, with its covariance
     Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
@@ -227,7 +231,8 @@ class ObjectTracker {
       seen.track = static_cast<int>(settled_.size());
       settled_.emplace_back();
       settled_.back().id = settled_next_id_++;
-      settled_.back().first_s = settled_.back().last_s = settled_.back().state_s = now_s_;
+      settled_.back().first_s = settled_.back().last_s = seen.at_s.value_or(now_s_);
+      settled_.back().state_s = now_s_;
     } else if (const Track& t = settled_[static_cast<std::size_t>(seen.track)];
                t.box_s == last_s_) {
       seen.shift_px = seen.measurement.center_px - t.center_px;
@@ -237,7 +242,7 @@ class ObjectTracker {
     if (!seen.class_name.empty()) track.class_name = seen.class_name;
     track.box = seen.box, track.box_s = track.shown_s = now_s_;
     track.center_px = seen.measurement.center_px;
-    if (!seen.predicted) track.last_s = now_s_;
+    if (seen.at_s) track.last_s = std::max(track.last_s, *seen.at_s);
     if (!seen.measured()) return;
     if (track.located) {
       // Half a body, or the mask's slip onto somebody else, must not tear the velocity along.

@@ -65,8 +65,9 @@ class ForwardPredictor {
       segmentation.available = false;
       segmentation.instances.clear();
       status_ = kMaskStale;
-    } else if (settings_.predict) {
-      carry(context, then, segmentation);
+    } else {
+      for (Instance& instance : segmentation.instances) instance.late_s = age_s_;
+      if (settings_.predict) carry(context, then, segmentation);
     }
   }
 

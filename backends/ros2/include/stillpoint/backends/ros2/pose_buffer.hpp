@@ -99,8 +99,11 @@ class OdometryPoses {
                                    detail::text(seconds(poses_.end())));
     const std::string body = body_frame_;
     guard.unlock();
+    if (body.empty())
+      return "expected an odometry whose child_frame_id says which frame its poses are of, found "
+             "none";
     Eigen::Isometry3d T_body_camera = Eigen::Isometry3d::Identity();
-    if (!body.empty() && body != camera) {
+    if (body != camera) {
       const std::string problem = transform(body, camera, T_body_camera);
       if (!problem.empty()) return problem;
     }
