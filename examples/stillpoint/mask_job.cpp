@@ -39,6 +39,17 @@ fs::path image_folder_of(const fs::path& folder) {
   return fs::is_directory(folder / "images") ? folder / "images" : folder;
 }
 
+std::size_t images_within_folders_of(const fs::path& folder, const fs::path& out) {
+  std::size_t count = 0;
+  for (auto it = fs::recursive_directory_iterator(folder); it != fs::end(it); ++it) {
+    std::error_code differs;
+    if (it->is_directory() && fs::equivalent(it->path(), out, differs))
+      it.disable_recursion_pending();
+    count += it.depth() > 0 && detail::is_image(it->path());
+  }
+  return count;
+}
+
 TumSequence open_input(const MaskSettings& settings, const Note& note) {
   const RunSettings& run = settings.run;
   if (is_tum(run.sequence)) {
@@ -55,7 +66,12 @@ TumSequence open_input(const MaskSettings& settings, const Note& note) {
     throw Error(
         "--depth: needs the camera, for its focal length and the units of the depth: "
         "--camera fr1, fr2, fr3, bonn or an ORB-SLAM style YAML file");
-  TumSequence sequence = image_folder(image_folder_of(run.sequence), images);
+  const fs::path folder = image_folder_of(run.sequence);
+  TumSequence sequence = image_folder(folder, images);
+  if (const std::size_t left = images_within_folders_of(folder, settings.out);
+      left && settings.format == "colmap")
+    note(std::to_string(left) + " images lie in folders within " + folder.string() +
+         ", which COLMAP reads, too: they get no masks; run each folder by itself");
   if (sequence.size() > 1 && sequence.entry(0).timestamp == 0)
     note("the names are no timestamps: " + fixed(images.fps, 0) +
          " images a second are taken (--fps)");

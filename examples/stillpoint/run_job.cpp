@@ -19,7 +19,10 @@
 //   depth_delay_s     how long after its stamp the depth was taken at last, if frames tell it
 //   depth_readout_s   how long it took to read it out, first to last row, if frames tell it
 //   masks             against masks_gt, undilated; before = the segmenter's own, after = final;
-//                     means over the frames; _blurred: over the least sharp third
+//                     means over the frames; _blurred: over the least sharp third; recall_measured,
+//                     precision_measured: of all pixels with depth of all frames together
+//   mask_share        0 to 1: of the image in the final mask, mean over the frames
+//   restored_per_frame  objects that were restored, wholly or partly
 //   keypoints         extracted, kept: per frame; with masks_gt kept_on_people (share of the kept),
 //                     precision, recall, f1, static_kept
 //                     (the latter on keypoints of the whole image)

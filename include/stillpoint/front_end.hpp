@@ -51,8 +51,8 @@ class FrontEnd {
   using Settings = FrontEndSettings;
 
   /// `camera` may be left out (see DepthMaskFuser and SegmentationCompensator); `segmenter` is not
-  /// owned and may be null. Throws Error if a setting makes no sense, or a dynamic class is none of
-  /// the segmenter's.
+  /// owned and may be null. Throws Error if a setting or the camera makes no sense, or a dynamic
+  /// class is none of the segmenter's.
   explicit FrontEnd(const Settings& settings = {}, const Camera& camera = {},
                     Segmenter* segmenter = nullptr)
       : FrontEnd(settings, camera, segmenter, detail::EigenAlignmentHere()) {}
@@ -66,7 +66,7 @@ class FrontEnd {
 
   /// Asks the segmenter, then computes the frame's dynamic mask. A segmenter that throws counts as
   /// one without a result. `T_current_last` maps points of the last frame's camera into this one's,
-  /// if the host can predict it.
+  /// if the host can predict it. Throws Error if the frame is not as RgbdFrame says.
   const DynamicMask& compute_mask(
       const RgbdFrame& frame,
       const std::optional<Eigen::Isometry3d>& T_current_last = std::nullopt);
@@ -140,7 +140,7 @@ class FrontEnd {
   const FrameStats& stats() const;
 
  private:
-  // How far a mask may reach beyond its object, in an image 640 wide.
+  // How far a mask usually reaches beyond its object, in an image 640 wide.
   static constexpr int kReachPx = 30;
 
   FrontEnd(const Settings& settings, const Camera& camera, Segmenter* segmenter,

@@ -44,7 +44,8 @@ struct FrontEndSettings {
   /// of kept keypoints protects the tracker).
   double large_mask_share = 0.9;
 
-  /// Without the motion check: what no segmenter names is static. The least time per frame.
+  /// Without the motion check and the images' own motion, with coarser cells and the same dilation
+  /// for all: what no segmenter names is static. The least time per frame.
   static FrontEndSettings network_only() {
     FrontEndSettings settings;
     settings.depth.cell_px = 6;

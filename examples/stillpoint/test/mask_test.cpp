@@ -135,6 +135,15 @@ TEST_F(Mask, TakesAFolderOfImages) {
   expect_error("mask walk/rgb --masks walk/masks --out f_more --format nerfstudio", 1,
                "transforms.json");
 
+  // COLMAP reads the folders within, too.
+  fs::create_directories(path("data") / "images" / "more");
+  fs::copy(fs::directory_iterator(path("walk") / "rgb")->path(), path("data") / "images" / "more");
+  const Result colmap =
+      run("mask data --masks walk/masks --out data/images/masks --format colmap --fps 10");
+  EXPECT_EQ(colmap.code, 0) << colmap.err;
+  EXPECT_NE(colmap.err.find("1 images lie in folders within"), std::string::npos) << colmap.err;
+  EXPECT_NE(colmap.err.find("--fps does not count"), std::string::npos) << colmap.err;
+
   expect_error("mask walk/rgb --out f", 1, "without depth only a segmenter");
   expect_error("mask data --masks walk/masks --depth walk/depth --out f", 1, "needs the camera");
   expect_error("mask walk --depth walk/depth --out f", 1, "is a sequence");

@@ -13,7 +13,7 @@ namespace stillpoint {
 /// Pinhole camera with Brown distortion (OpenCV order k1, k2, p1, p2, k3).
 ///
 /// Axes: x right, y down, z forward. Focal lengths and principal point in pixels, pixel centres at
-/// whole numbers. A distance of zero coefficients means an undistorted image.
+/// whole numbers. All five coefficients 0: the image is undistorted.
 struct Camera {
   double fx = 0, fy = 0, cx = 0, cy = 0;
   double k1 = 0, k2 = 0, p1 = 0, p2 = 0, k3 = 0;

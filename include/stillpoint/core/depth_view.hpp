@@ -42,7 +42,7 @@ class DepthView {
       std::uint16_t* out = converted_.ptr<std::uint16_t>(y);
       // The comparison is false for NaN and infinity, too.
       for (int x = 0; x < size.width; ++x)
-        out[x] = in[x] > 0 && in[x] < 65.0f
+        out[x] = in[x] > 0 && in[x] < kLeastNoDepthM
                      ? static_cast<std::uint16_t>(static_cast<int>(in[x] * 1000.0f + 0.5f))
                      : std::uint16_t{0};
     }

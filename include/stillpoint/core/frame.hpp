@@ -45,6 +45,9 @@ struct RgbdFrame {
   const cv::Mat& given_gray() const { return gray.empty() && color.channels() == 1 ? color : gray; }
 };
 
+/// From here on a float depth is no measurement, metres.
+constexpr float kLeastNoDepthM = 65;
+
 /// Metres per stored unit of `frame.depth`.
 inline float metres_per_unit(const RgbdFrame& frame) {
   return frame.depth.depth() == CV_16U ? static_cast<float>(1.0 / frame.depth_units_per_m) : 1.0f;
@@ -56,7 +59,7 @@ inline float depth_m_at(const RgbdFrame& frame, int x, int y) {
   if (frame.depth.depth() == CV_16U)
     return static_cast<float>(frame.depth.at<std::uint16_t>(y, x) / frame.depth_units_per_m);
   const float z = frame.depth.at<float>(y, x);
-  return std::isfinite(z) && z > 0 ? z : 0;
+  return z > 0 && z < kLeastNoDepthM ? z : 0;
 }
 
 namespace detail {

@@ -21,7 +21,7 @@ struct FrameStats {
   /// counted with the compensation.
   Blur blur;
   double segmentation_ms = 0, motion_ms = 0, compensation_ms = 0, depth_ms = 0, probability_ms = 0;
-  /// Instances of dynamic classes after compensation, and how many of them were restored.
+  /// Instances after compensation, movers too, and how many of them were restored.
   int instances = 0, restored = 0;
   /// Instances that the motion check found.
   int moving = 0;

@@ -30,7 +30,7 @@ struct Instance {
   /// compensator fills it in for objects that it remembers.
   float depth_m = 0;
   /// The mask was carried here from earlier frames and may lie a little beside the object.
-  /// Segmenters leave it alone, the compensator fills it in.
+  /// Segmenters leave it alone, the front end fills it in.
   bool predicted = false;
   /// By how many seconds the result is late that shows it; 0: in time, or no result shows it.
   /// Segmenters leave it alone, the front end fills it in.

@@ -38,7 +38,7 @@ inline cv::Mat static_image(const cv::Mat& mask) {
 
 /// Where a detector may look for features: H x W, CV_8UC1, 255 = yes, as OpenCV's detectors take
 /// it. `margin_px` pixels around what is dynamic are left out, too: a descriptor there would see
-/// the person. Throws Error for another type or a negative margin. O(pixels).
+/// the person. Throws Error for another type, or a margin not of 0 to 1000. O(pixels).
 inline cv::Mat feature_mask(const cv::Mat& mask, int margin_px = 0) {
   detail::check_mask(mask, "feature_mask");
   detail::check(margin_px >= 0 && margin_px <= 1000, [&] {
@@ -75,7 +75,7 @@ inline cv::Mat masked_depth(const cv::Mat& depth, const cv::Mat& mask) {
 /// minus this): H x W, CV_32FC1, 0 to 1. 1 in the mask, falling to 0 at `rim_px` pixels from it;
 /// give it the mask before dilation (FrontEnd::undilated_mask()), so that the rim takes the
 /// dilation's place. Exactly 0 everywhere if nothing is dynamic. Throws Error for another type, or
-/// a rim that is negative or not finite. O(pixels).
+/// a rim not of 0 to 1000. O(pixels).
 inline cv::Mat dynamic_probability(const cv::Mat& mask, float rim_px = 10) {
   detail::check_mask(mask, "dynamic_probability");
   detail::check(rim_px >= 0 && rim_px <= 1000, [&] {

@@ -32,6 +32,7 @@ struct DynamicObject {
   /// Bounding box in pixels, inside the image.
   cv::Rect box;
   /// CV_8UC1 of the box's size, 255 = object, before dilation; shares its data with the front end.
+  /// Empty: only the box is known.
   cv::Mat mask;
   /// The mask was carried here: the segmenter and the motion check missed it in this frame, or the
   /// segmenter's result is late.
@@ -39,13 +40,14 @@ struct DynamicObject {
   /// Median depth of the mask's pixels, metres; 0: not measured.
   float depth_m = 0;
   /// How far the centre of its mask has moved in the image since the frame before, by the camera's
-  /// motion and its own, pixels; 0 in its first frame.
+  /// motion and its own, pixels; 0 in its first frame and after a gap.
   cv::Point2f shift_px;
   /// Seconds since it was first seen, and since it was last seen (0: in this frame; behind a slow
   /// segmenter, how late its result is).
   double tracked_s = 0, unseen_s = 0;
-  /// Along the camera's axes: x right, y down, z forward. Empty where no depth was measured. Where
-  /// the camera's motion is not known, the velocity is 0 and its covariance large.
+  /// Along the camera's axes: x right, y down, z forward. Empty until its depth was measured; then
+  /// predicted where it is not. Where the camera's motion is not known, the velocity is 0 and its
+  /// covariance large.
   std::optional<ObjectState> in_camera;
   /// In the world of the poses that the host tells (FrontEnd::correct_pose()); empty where it tells
   /// none.

@@ -12,7 +12,7 @@ enum FrameStatus : std::uint32_t {
   kOk = 0,
   kNoSegmentation = 1u << 0,   ///< no result for this frame: the masks are predictions
   kNeverSegmented = 1u << 1,   ///< no result at all so far: masked is what the motion check found
-  kMaskStale = 1u << 2,        ///< newest segmentation older than the limit: its masks were dropped
+  kMaskStale = 1u << 2,        ///< a result too old, or an object unseen for too long: dropped
   kRestored = 1u << 3,         ///< at least one missed or partly missed object was restored
   kMaskTooLarge = 1u << 4,     ///< mask over the settable share of the image
   kNoDepth = 1u << 5,          ///< no depth image, or no valid value in it

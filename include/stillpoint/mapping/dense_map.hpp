@@ -25,8 +25,8 @@ namespace stillpoint {
 /// Colored point cloud of the static world, one point per occupied voxel.
 ///
 /// Integrates the static pixels of frames with known poses. Pixels in the mask, out of range or on
-/// a depth edge stay out. A voxel that later frames see clearly through, twice in a row without
-/// being hit again, is removed: so what moved and was not masked goes too. Memory is bounded: over
+/// a depth edge stay out. A voxel that two later frames see clearly through, with none between that
+/// hits it, is removed: so what moved and was not masked goes too. Memory is bounded: over
 /// `max_voxels`, those seen by the fewest frames, then the oldest, go first. The same calls give
 /// the same map. One thread at a time. integrate() costs O(pixels / stride^2 + voxels).
 class DenseMap {

@@ -23,18 +23,19 @@ namespace stillpoint {
 /// Measures the motion blur of each image, in two ways that know nothing of each other.
 ///
 /// The motion: how far the camera's motion carries 48 points of the image during the exposure.
-/// The edges: where grey values differ over 12 pixels, how much of the difference lies in the 2
-/// pixels in the middle. A blur of w pixels spreads it over w pixels, so the share of its square
+/// The edges: where grey values differ over 12 pixels, how much of the difference lies in the
+/// first 2 of them. A blur of w pixels spreads it over w pixels, so the share of its square
 /// sinks with 1 / w. Both sums are of the same edges: contrast cancels out. Lens and texture do
 /// not, so the result is set against the sharpest of the last 10 s or so.
 ///
-/// Cost: about 10 us at 640 x 480, and the conversion of a tenth of the rows to grey.
+/// Cost: about 10 us at 640 x 480, and the conversion of a twentieth of the rows to grey.
 /// Deterministic, no allocation after the first image. Not thread-safe; one object per camera.
 class BlurMeter {
  public:
   using Settings = BlurMeterSettings;
 
-  /// `camera` is needed only for the motion.
+  /// Of `camera` the motion is measured by; without it only `fps` counts. Throws Error for settings
+  /// or an `fps` that make no sense.
   explicit BlurMeter(const Settings& settings = {}, const Camera& camera = {})
       : settings_(settings), camera_(camera) {
     settings.check();

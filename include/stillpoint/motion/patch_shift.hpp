@@ -32,8 +32,8 @@ class Patch {
 
   /// Lays the patch onto `to` (CV_32FC1): x and y, where it begins, are the guess and become where
   /// it fits (Lucas and Kanade with the slopes of the template, and free brightness). Ends at steps
-  /// under `enough` pixels. False: it has no corner, looks otherwise, reaches the rim of the image
-  /// or goes more than five pixels.
+  /// under `enough` pixels. False: it has no corner, looks otherwise where the steps end, reaches
+  /// the rim of the image or goes more than five pixels. After eight steps it is taken as it is.
   bool align(const cv::Mat& to, float enough, float& x, float& y) const {
     constexpr float kMaxShift = 5, kMaxResidual = 14;
     Eigen::Matrix3f inverse;

@@ -15,7 +15,7 @@
 namespace stillpoint {
 
 /// Finds the cells that may be parts of what is dynamic though they do not move now: those whose
-/// surface goes on into it, not farther than an arm's length from it. What lies in one plane with a
+/// surface goes on into it, not farther than 0.35 m from it. What lies in one plane with a
 /// surface beyond is a table or a wall, and no part of it.
 class TouchingCells {
  public:

@@ -30,8 +30,8 @@ struct ObjectMeasurement {
   cv::Point2f center_px;
 };
 
-/// Measures objects by some 400 pixels of each mask. O(1) per object, no allocation after the first
-/// ones. Not thread-safe.
+/// Measures objects by those of 400 to 1600 pixels of each box that are on the mask. O(1) per
+/// object, no allocation after the first ones. Not thread-safe.
 class ObjectMeter {
  public:
   /// `centroid_m`: how far the centroid wanders on the object, see ObjectTrackerSettings.

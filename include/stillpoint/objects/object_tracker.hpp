@@ -24,7 +24,7 @@ namespace stillpoint {
 
 /// Follows the objects of the masks from frame to frame: ids, places and velocities.
 ///
-/// Which instance is which object the memory of the compensator says where it knows; else the
+/// The compensator's memory says which instance is which object, where it knows; else the
 /// nearest predicted place does (Mahalanobis distance; without depth or poses the overlap of the
 /// boxes), so that who comes out from behind a pillar keeps his id. Each object has a Kalman filter
 /// in the static world. An instance without a name that lies on another one is the same object,

@@ -37,7 +37,7 @@ class RememberedObject {
   int id = 0;
   std::string class_name;
   float score = 1;
-  /// Timestamp of the last frame in which the segmenter showed it, and of the last one in which it
+  /// Timestamp of the last frame in which it was shown, and of the last one in which it
   /// counted as seen.
   double shown_s = 0, seen_s = 0;
   /// How long it would be carried along had that frame alone shown it, seconds; for an object

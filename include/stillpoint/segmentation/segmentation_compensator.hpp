@@ -34,11 +34,11 @@ namespace stillpoint {
 /// by the camera's motion, if the caller knows it, and along the least-squares line through its
 /// last places at their real timestamps. What the segmenter shows of it is compared with that
 /// prediction; what is missing is looked for near the predicted place (by depth where there is
-/// depth, else by template matching), and restored only if it is found there. One that left is not
-/// restored. A frame without a result (`available = false`) is a frame in which every object is
-/// missing. Frames may be dropped; restoring is bounded in number and in time. Cost: O(objects x
-/// instances), and O(pixels of the box) for each restored object. Not thread-safe; one object per
-/// camera.
+/// depth, else by template matching), and restored only if it is found there, or where depth cannot
+/// tell. One that left is not restored. A frame without a result (`available = false`) is a frame
+/// in which every object is missing. Frames may be dropped; restoring is bounded in number and in
+/// time. Cost: O(objects x instances), and O(pixels of the box) for each object. Not thread-safe;
+/// one object per camera.
 class SegmentationCompensator {
  public:
   using Settings = SegmentationCompensatorSettings;

@@ -42,7 +42,8 @@ struct SegmentationCompensatorSettings {
   /// seldom missed then. 0: all count alike.
   double sharp_px = 4;
   /// How long an object is carried along without being seen, where no results end it before. An
-  /// object that goes away from the camera, or towards it, for itself by 15 cm counts as seen.
+  /// object that goes away from the camera, or towards it, for itself by 15 cm counts as seen,
+  /// for up to 2 s.
   double max_prediction_s = 0.6;
   /// The same for an object without a class, if it was seen for a while: the motion check finds it
   /// again as soon as it moves, and the depth says whether it is still there. Seen once, it is

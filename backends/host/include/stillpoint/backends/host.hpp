@@ -78,7 +78,7 @@ struct HostStats {
 ///     front_end.correct_pose(timestamp, T_world_camera);             // runner, after the host
 ///
 /// compute_mask(), correct_pose() and set_lost() belong to one thread; the hook may run in another,
-/// up to kMasks frames behind. Several front ends may live in one process.
+/// less than kMasks frames behind. Several front ends may live in one process.
 class STILLPOINT_HOST_API HostFrontEnd {
  public:
   /// Masks that are kept for the hook.

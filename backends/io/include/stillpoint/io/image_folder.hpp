@@ -67,6 +67,12 @@ inline bool read_times(std::vector<SequenceEntry>& entries) {
   return true;
 }
 
+inline bool is_image(const std::filesystem::path& file) {
+  std::string ending = file.extension().string();
+  for (char& c : ending) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  return ending == ".png" || ending == ".jpg" || ending == ".jpeg";
+}
+
 /// The images (PNG, JPEG) of a folder by their stem.
 inline std::map<std::string, std::filesystem::path> images_by_stem(
     const std::filesystem::path& folder) {
@@ -77,9 +83,7 @@ inline std::map<std::string, std::filesystem::path> images_by_stem(
   });
   std::map<std::string, std::filesystem::path> images;
   for (const auto& entry : std::filesystem::directory_iterator(folder)) {
-    std::string ending = entry.path().extension().string();
-    for (char& c : ending) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-    if (ending != ".png" && ending != ".jpg" && ending != ".jpeg") continue;
+    if (!is_image(entry.path())) continue;
     const std::string stem = entry.path().stem().string();
     const auto placed = images.emplace(stem, entry.path());
     check(placed.second, [&] {

@@ -196,7 +196,7 @@ inline std::string setting_path(const std::string& name) {
   if (exact) return name;
   detail::check(!same.empty(), [&] {
     return "setting \"" + name + "\": no such one; the nearest is " + nearest +
-           " (docs/tuning.md lists all)";
+           " (settings.yaml of `stillpoint run` has all)";
   });
   detail::check(same.size() == 1, [&] {
     return "setting \"" + name + "\": expected one of " + same[0] + " and " + same[1] +
