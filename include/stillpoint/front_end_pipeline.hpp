@@ -41,6 +41,7 @@ class FrontEndPipeline {
         tracker_(settings.objects, settings.sensor),
         fuser_(settings.depth, camera) {
     settings.check();
+    if (camera.fx != 0 || camera.fy != 0) check_camera("FrontEnd", camera);
     check_dynamic_classes(settings.dynamic_classes,
                           segmenter ? segmenter->classes() : std::vector<std::string>());
   }

@@ -112,6 +112,28 @@ TEST(Cameras, AFrameWithoutDepthInATurnDoesNoHarm) {
   }
 }
 
+TEST(Cameras, ADepthImageOfAFewSpecksDoesNoHarm) {
+  const Camera camera = camera_of(320);
+  const RoomCamera room(camera);
+  FrontEnd front_end(FrontEndSettings(), camera);
+  int chain = 0;
+  for (int i = 0; i < 16; ++i) {
+    RgbdFrame frame = room.frame(i / 30.0, turned(yaw_deg(i)));
+    if (i == 8) {
+      const cv::Rect speck(100, 100, 30, 30);
+      const cv::Mat measured = frame.depth(speck).clone();
+      frame.depth.setTo(0);
+      measured.copyTo(frame.depth(speck));
+    }
+    front_end.compute_mask(frame, kNothing);
+    EXPECT_EQ(front_end.stats().mask_share, 0) << i;
+    const EgoMotion& ego = front_end.ego_motion();
+    EXPECT_EQ(ego.motion().has_value(), i > 0) << i;
+    EXPECT_TRUE(i < 2 || ego.chain() == chain) << i;
+    chain = ego.chain();
+  }
+}
+
 TEST(Cameras, DepthMayComeLessOftenThanColor) {
   const Camera camera = camera_of(320);
   const RoomCamera room(camera);

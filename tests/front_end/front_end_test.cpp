@@ -397,6 +397,13 @@ TEST(FrontEnd, TakesDynamicClassesOnly) {
   EXPECT_EQ(share({"chair"}).first, 2) << "with prior 1 always";
 }
 
+TEST(FrontEnd, RefusesACameraThatMakesNoSense) {
+  Camera half = Camera::tum_fr1(), spoilt = half;
+  half.fy = 0, spoilt.cx = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_ERROR(FrontEnd({}, half), "FrontEnd: expected a camera with focal lengths, found none");
+  EXPECT_ERROR(FrontEnd({}, spoilt), "FrontEnd: camera: expected finite numbers, found nan");
+}
+
 TEST(FrontEnd, RefusesDynamicClassesThatTheSegmenterDoesNotKnow) {
   struct Named : FakeSegmenter {
     std::vector<std::string> classes() const override { return {"person", "cat"}; }
@@ -500,8 +507,17 @@ TEST(FrontEnd, MasksWhoStandsTooCloseToBeMeasured) {
       if (close.contains(points[i]) || elsewhere.contains(points[i])) {
         EXPECT_EQ(selection.is_kept(i), !somebody || elsewhere.contains(points[i])) << points[i];
       }
+    // He covers more, and then all of the lens: nothing at all is measured.
+    for (const int width : {200, 320}) {
+      RgbdFrame nearer = scene.frame(Walk::time(width == 200 ? 21 : 22), {});
+      const cv::Rect covered(0, 0, width, 240);
+      nearer.depth(covered).setTo(0);
+      if (somebody) nearer.color(covered).setTo(cv::Scalar(240, 240, 250));
+      const cv::Mat all = front_end.compute_mask(nearer).image;
+      EXPECT_EQ(pixels(all(covered)), somebody ? covered.area() : 0) << width;
+    }
     // All is as before when he has gone.
-    EXPECT_EQ(pixels(front_end.compute_mask(scene.frame(Walk::time(21), {})).image), 0);
+    EXPECT_EQ(pixels(front_end.compute_mask(scene.frame(Walk::time(23), {})).image), 0);
   }
 }
 

@@ -459,6 +459,45 @@ TEST(CameraMotion, TakesLessExactAgreementWhereOneOfTwoImagesIsBlurred) {
   EXPECT_LT(turn_deg(error), 0.5);
 }
 
+TEST(CameraMotion, LeavesCornersThatGoToWhereTheLensHasNoRay) {
+  Camera camera;
+  camera.fx = camera.fy = 230, camera.cx = 159.5, camera.cy = 119.5, camera.k1 = -0.4;
+  const cv::Size size(320, 240);
+  Lens lens;
+  lens.set(camera, size);
+  cv::Mat paper(1500, 1500, CV_8UC1);
+  cv::RNG(1).fill(paper, cv::RNG::UNIFORM, 0, 255);
+  cv::GaussianBlur(paper, paper, {0, 0}, 1.5);
+  cv::normalize(paper, paper, 0, 255, cv::NORM_MINMAX);
+  // A papered wall 2 m away. Where the lens has no ray there is an image, too.
+  const auto look = [&](int i) {
+    const Eigen::Matrix3d R = pose(0, 0, 1.15 * i).linear();
+    cv::Mat on_paper(size, CV_32FC2);
+    RgbdFrame frame;
+    frame.timestamp = 1 + i / 30.0;
+    frame.depth.create(size, CV_32FC1);
+    for (int y = 0; y < size.height; ++y)
+      for (int x = 0; x < size.width; ++x) {
+        Eigen::Vector2f ray = lens.ray(static_cast<float>(x), static_cast<float>(y));
+        if (!ray.allFinite())
+          ray = {static_cast<float>(1.5 * (x - camera.cx) / camera.fx),
+                 static_cast<float>(1.5 * (y - camera.cy) / camera.fy)};
+        const Eigen::Vector3d d = R * ray.homogeneous().cast<double>();
+        const Eigen::Vector3d at = 2 / d.z() * d;
+        frame.depth.at<float>(y, x) = static_cast<float>(2 / d.z());
+        on_paper.at<cv::Vec2f>(y, x) = {static_cast<float>(at.x() * 100 + 750),
+                                        static_cast<float>(at.y() * 100 + 750)};
+      }
+    cv::remap(paper, frame.color, on_paper, cv::noArray(), cv::INTER_LINEAR);
+    return frame;
+  };
+  CameraMotion motion;
+  for (int i = 0; i < 12; ++i) {
+    const auto found = add(motion, look(i), Eigen::Isometry3d::Identity(), camera);
+    EXPECT_EQ(found.has_value(), i > 0) << i;
+  }
+}
+
 TEST(CameraMotion, TakesImagesOfAnySize) {
   const Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
   for (const auto& [width, height] : {std::pair(1, 1), std::pair(640, 1), std::pair(2, 480),

@@ -38,6 +38,7 @@ TEST(ConstantVelocity, SaysNothingFromOldPoses) {
   velocity.add(1, pose(1));
   EXPECT_FALSE(velocity.predict(1, 1.03)) << "two poses too far apart";
   velocity.add(1.03, pose(1.03));
+  EXPECT_FALSE(velocity.predict(0.4, 0.43)) << "time went back";
   EXPECT_TRUE(velocity.predict(1.03, 1.06));
   EXPECT_FALSE(velocity.predict(1.03, 2)) << "too far ahead";
   EXPECT_FALSE(velocity.predict(1.9, 1.93)) << "the host is too far behind";

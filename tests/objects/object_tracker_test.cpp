@@ -149,6 +149,27 @@ TEST(ObjectTracker, WhoIsInTheMaskKeepsHisIdThoughHeIsPredicted) {
   }
 }
 
+TEST(ObjectTracker, WhoIsLateWithoutDepthKeepsHisIdThroughAGap) {
+  for (const int gap : {3, 20}) {  // frames without him
+    Follower follower;
+    FlatScene flat = kScene;
+    flat.with_depth = false;
+    for (int i = 0; i < 10 + gap + 1; ++i) {
+      follower.tracker.finish(follower.place);
+      follower.context.begin(flat.frame(time_of(i), {}), flat.camera());
+      follower.instances.clear();
+      if (i < 10 || i == 10 + gap) {
+        follower.instances = {box_instance(person_at(40).box, kScene.size)};
+        follower.instances[0].predicted = true, follower.instances[0].late_s = 0.8;
+      }
+      const auto& objects = follower.see({i < 10 ? 7 : 8});
+      if (i == 10 + gap) {
+        EXPECT_EQ(objects.at(0).id, gap == 3 ? 0 : 1);
+      }
+    }
+  }
+}
+
 TEST(ObjectTracker, SomebodyElseGetsAnotherId) {
   Follower follower;
   for (int i = 0; i < 10; ++i) follower.see(i, {person_at(40)}, {7});

@@ -109,6 +109,25 @@ TEST(ForwardPredictor, UsesTheCamerasMotionAndTheTracks) {
   EXPECT_GT(walk.iou(0.2, no_depth), walk.iou(0.2, no_depth, false) + 0.05);
 }
 
+TEST(ForwardPredictor, KeepsWhomTheDepthOfNowDoesNotMeasure) {
+  const FlatScene scene;
+  const Figure person{{140, 80, 36, 100}, 0.6f, 1};
+  for (const cv::Rect& hole : {cv::Rect(), cv::Rect(130, 70, 56, 120), cv::Rect({}, scene.size)}) {
+    ForwardPredictor predictor({}, {}, scene.camera());
+    FrameContext context;
+    for (int i = 0; i < 6; ++i) {
+      RgbdFrame frame = scene.frame(time_of(i), {person});
+      if (i == 5) frame.depth(hole).setTo(0);
+      context.begin(frame, scene.camera());
+      Segmentation late;
+      if (i == 5)
+        late = result({box_instance(person.box, scene.size)}), late.timestamp = time_of(1);
+      predictor.forward(context, late);
+      EXPECT_EQ(late.instances.size(), i == 5 ? 1u : 0u) << hole;
+    }
+  }
+}
+
 TEST(ForwardPredictor, TellsTheAgeOfTheMask) {
   const Walk walk;
   FrontEnd front_end(FrontEndSettings::network_only(), walk.scene.camera());

@@ -387,6 +387,24 @@ TEST(SegmentationCompensator, OnlyTimeEndsWhatTheSegmenterHasNoNameFor) {
   EXPECT_NEAR(restored("", 30), settings.max_unnamed_s / 0.033, 1.5);
 }
 
+TEST(SegmentationCompensator, OnlyTimeEndsItBehindALateSegmenterToo) {
+  const Walker box{140, 80, 0, 0};
+  for (const double late_s : {1e-6, 0.1}) {
+    Show show;
+    int restored = 0;
+    for (int i = 0; i < 130; ++i) {
+      const double t = kStart + 0.033 * i;
+      Segmentation found;
+      if (i % 6 == 0) found = result({}), found.timestamp = t - late_s;
+      if (i < 30) found.instances = {box_instance(box.at(0).box, show.scene.size, "")};
+      const bool there =
+          !show.compensator.compensate(show.scene.frame(t, {box.at(0)}), found).instances.empty();
+      if (i >= 30) restored += there;
+    }
+    EXPECT_NEAR(restored, Settings().max_unnamed_s / 0.033, 1.5) << late_s;
+  }
+}
+
 TEST(SegmentationCompensator, CarriesWhatWasSeenOnceOnForLessWhereTheCameraRotates) {
   const Walker box{140, 80, 0, 0};
   // How many frames it is restored in, after the camera rotated in the frames that showed it.

@@ -93,6 +93,14 @@ class DepthView {
     return lens_.ray(static_cast<float>(p.x), static_cast<float>(p.y));
   }
 
+  /// Share of the image that is measured, by each 16th pixel of each 16th row.
+  double measured_share() const {
+    int measured = 0, seen = 0;
+    for (int y = 8; y < image_.rows; y += 16)
+      for (int x = 8; x < image_.cols; x += 16) ++seen, measured += row(y)[x] > 0;
+    return seen > 0 ? static_cast<double>(measured) / seen : 0;
+  }
+
  private:
   // Looks at one pixel of each line of memory of `part`; whether any of these is measured. Read
   // once in order, the part is at hand for reads here and there, each of which would have to wait

@@ -39,6 +39,9 @@ struct Instance {
   Blur blur{};
 };
 
+/// Timestamps that differ by less, seconds, are of the same frame.
+constexpr double kSameTimeS = 1e-4;
+
 /// What a segmenter says of one frame.
 struct Segmentation {
   /// False: no result for this frame (the network did not run); masks are predicted from earlier

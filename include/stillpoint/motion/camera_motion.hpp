@@ -68,11 +68,13 @@ class CameraMotion {
   std::optional<Estimate> add(const FrameContext& context, const Eigen::Isometry3d& guess) {
     std::swap(last_, current_);
     begin(context);
-    if (last_.empty || current_.empty || last_.size() != current_.size()) return std::nullopt;
-    // Not before it is known which of them are on people: these may have most of the corners.
-    last_.keep_strongest(kMostCorners, kMostDynamic);
-    if (last_.corners.size() < detail::FlowConsensus::kMinFlows) return std::nullopt;
-    const std::optional<Estimate> found = estimate(context.depth, guess);
+    std::optional<Estimate> found;
+    if (!last_.empty && !current_.empty && last_.size() == current_.size()) {
+      // Not before it is known which of them are on people: these may have most of the corners.
+      last_.keep_strongest(kMostCorners, kMostDynamic);
+      if (last_.corners.size() >= detail::FlowConsensus::kMinFlows)
+        found = estimate(context.depth, guess);
+    }
     moved_ = found && !found->assumed;
     if (found) last_motion_ = found->T_current_last, motion_step_s_ = step_s_;
     return found;
@@ -245,6 +247,7 @@ class CameraMotion {
       return;
     f.u = u0 + du, f.v = v0 + dv;
     const Eigen::Vector2f flat = current_.project(lens.ray(f.u, f.v).homogeneous());
+    if (!flat.allFinite()) return;  // nor there
     f.flat_u = flat.x(), f.flat_v = flat.y();
     f.area = c.dynamic ? 0 : std::min(c.depth_m, 4.0f) * std::min(c.depth_m, 4.0f);
     f.even_area = c.dynamic ? 0 : f.area / corners_in_part_[part({c.x, c.y})];

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Geometry>
+#include <cmath>
 #include <optional>
 
 #include "stillpoint/core/rigid_motion.hpp"
@@ -36,7 +37,7 @@ class ConstantVelocity {
   /// into the one at `to_s`. No value without two fresh poses.
   std::optional<Eigen::Isometry3d> predict(double from_s, double to_s) const {
     const double step_s = to_s - from_s;
-    if (!moving_ || !(step_s > 0 && step_s < kMaxGap_s) || !(to_s - last_s_ < kMaxGap_s))
+    if (!moving_ || !(step_s > 0 && step_s < kMaxGap_s) || !(std::abs(to_s - last_s_) < kMaxGap_s))
       return std::nullopt;
     Eigen::Isometry3d T_to_from = Eigen::Isometry3d::Identity();
     T_to_from.linear() = detail::rotation_matrix(rotation_per_s_ * step_s);

@@ -71,7 +71,7 @@ class EgoMotion {
     }
     const bool leaps = predicted_ && is_cut(*predicted_);
     if (leaps) predicted_.reset(), steady.reset();
-    between_ = settings_.measure && !context.depth.any_measured();
+    between_ = settings_.measure && context.depth.measured_share() < kLeastMeasured;
     measured_ = measure(context);
     if (leaps) {
       if (measured_ && measured_->support > kSure)
@@ -131,6 +131,8 @@ class EgoMotion {
     return *predicted_ * gap_;
   }
   CameraMotion& images() { return camera_motion_; }
+  /// The last frame has too little depth: corners are followed from the one before to the next.
+  bool between() const { return between_; }
 
   /// Where the camera was at the last frame.
   const Eigen::Isometry3d& pose() const { return T_world_camera_; }
@@ -171,6 +173,8 @@ class EgoMotion {
   }
 
  private:
+  // With less depth, as of a sensor that fails, corners are followed past the frame.
+  static constexpr double kLeastMeasured = 0.02;
   // Images that show so much of the same belong together, whatever the host predicts.
   static constexpr double kSure = 0.5;
   // From depth to depth: 5 Hz are bridged. Corners of longer ago are not found again.
@@ -254,7 +258,7 @@ class EgoMotion {
   Eigen::Isometry3d T_world_camera_ = Eigen::Isometry3d::Identity();
   double last_s_ = -std::numeric_limits<double>::infinity();
   double step_s_ = 0;     // to the last frame from the one before
-  bool between_ = false;  // the last frame has no depth, and is to be measured
+  bool between_ = false;  // the last frame has hardly any depth, and is to be measured
   // From the last camera that had depth, before the last frame, to the frame before the last.
   Eigen::Isometry3d gap_ = Eigen::Isometry3d::Identity();
   double gap_s_ = 0;

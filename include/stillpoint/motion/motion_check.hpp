@@ -62,8 +62,11 @@ class MotionCheck {
   const std::vector<Instance>& find(FrameContext& context, EgoMotion& ego) {
     detector_.clear();
     judged_ = false;
-    if (!context.depth.any_measured()) return detector_.found();
-    if (context.size() != size_ || context.frame.timestamp <= last_s_ || std::isinf(last_s_)) {
+    const bool goes_on = context.size() == size_ && context.frame.timestamp > last_s_;
+    const bool hardly_measured = ego.between() || !context.depth.any_measured();
+    if (hardly_measured && (context.depth.empty() || !goes_on || std::isinf(last_s_)))
+      return detector_.found();
+    if (!goes_on || std::isinf(last_s_)) {
       reset();
       start_s_ = context.frame.depth_time();
     }
@@ -73,6 +76,10 @@ class MotionCheck {
                                                 : std::clamp(2 * ((size_.width + 80) / 160), 2, 64);
     cells_.set(context.depth, block_px);
     if (cells_.size() == 0) return detector_.found();  // not one cell
+    if (hardly_measured) {  // whom a lens is covered by is followed, nothing else
+      find_near(nullptr, context);
+      return detector_.found();
+    }
     take_brightness(context, ego);
     if (ego.chain() != chain_ && !map_.empty()) {
       // The host may yet tell the pose that is missing.
@@ -84,6 +91,7 @@ class MotionCheck {
       forget_map();
     }
     chain_ = ego.chain();
+    begins_ = map_.empty();
     pose_.locate(context.frame.depth_time(), cells_, find_moving(ego), ego, map_);
     map_.judge(pose_.shot(), cells_, context.labels);
     label_outlier_corners(ego, context);
@@ -123,7 +131,9 @@ class MotionCheck {
 
   /// To be called after `ego` was given the host's pose of the last frame.
   void correct(const EgoMotion& ego) {
-    if (!judged_ || ego.chain() != chain_) return;
+    if (!judged_) return;
+    if (begins_) chain_ = ego.chain();  // the pose bridges a gap before the map's first frame
+    if (ego.chain() != chain_) return;
     if (pose_.correct(ego)) map_.correct(pose_.shot());
   }
 
@@ -258,6 +268,7 @@ class MotionCheck {
   double last_s_ = -std::numeric_limits<double>::infinity();
   int chain_ = -1;                          // of the ego-motion, at the last frame in the map
   bool judged_ = false;                     // the last frame
+  bool begins_ = false;                     // it is the map's first
   std::vector<std::uint8_t> dynamic_;       // of the last frame, by cell
   std::vector<std::uint8_t> moving_;        // see find_moving(), by cell
   std::vector<std::size_t> outlier_cells_;  // of the outlier corners of the last frame

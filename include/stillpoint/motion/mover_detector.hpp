@@ -57,6 +57,7 @@ class MoverDetector {
   // inside, where its depth is the same as a moment ago, was not found. Much of what was found of
   // it has moved then, and so many cells have corners that show it. Where depth errs, as on a black
   // screen, corners don't.
+  static constexpr float kNoDepthM = 1e9f;  // how much farther a cell without depth is
   static constexpr int kManyCorners = 8;
   static constexpr double kMuchMoved = 0.3;
 
@@ -93,7 +94,7 @@ class MoverDetector {
         if (x < 0 || y < 0 || x >= cells.width || y >= cells.height) continue;
         const std::size_t j = cells.index(x, y);
         if (taken_[j] != 0) continue;
-        const float step = cells.depth_m[j] > 0 ? cells.depth_m[j] - z : 1;
+        const float step = cells.depth_m[j] > 0 ? cells.depth_m[j] - z : kNoDepthM;
         if (step > DepthCells::most_step_m(z)) ++region.closed;
         if (std::abs(step) > DepthCells::most_step_m(z)) continue;
         const int distance = labels[j] == CellLabel::kMoved ? 0 : visit.distance + 1;

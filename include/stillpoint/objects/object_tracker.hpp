@@ -222,7 +222,7 @@ class ObjectTracker {
     }
     const double shared = (seen.box & track.box).area();
     const double overlap = shared / (seen.box.area() + track.box.area() - shared);
-    return overlap > kLeastOverlap && gone_s < kOverlapS ? 2 - overlap : kNever;
+    return overlap > kLeastOverlap && now_s_ - track.box_s < kOverlapS ? 2 - overlap : kNever;
   }
 
   void update(Seen& seen, int chain) {

@@ -52,8 +52,8 @@ class ForwardPredictor {
   void forward(const FrameContext& context, Segmentation& segmentation) {
     const RgbdFrame& frame = context.frame;
     status_ = kOk, age_s_ = 0;
-    const bool late = segmentation.available &&
-                      segmentation.timestamp < frame.timestamp - FrameHistory::kSameTimeS;
+    const bool late =
+        segmentation.available && segmentation.timestamp < frame.timestamp - kSameTimeS;
     was_late_ = was_late_ || late;
     // A frame without a result may get one later.
     if (!was_late_ && segmentation.available) return frames_.keep(0);
@@ -104,8 +104,8 @@ class ForwardPredictor {
     old.color = frame.color;  // looked at only without depth
     old.depth = frames_[then].depth;
     old.depth_units_per_m = frames_[then].units_per_m;
-    const bool has_depth =
-        compensation_.use_depth && !frame.depth.empty() && old.depth.size() == frame.depth.size();
+    const bool has_depth = compensation_.use_depth && context.depth.any_measured() &&
+                           old.depth.size() == frame.depth.size();
     if (!has_depth) old.depth.release();
     old_depth_.set(old, camera_);
     static const DepthView no_depth;
@@ -230,7 +230,9 @@ class ForwardPredictor {
       object_.shift_depth(away);
       if (locator_.locate_far(depth, std::max(reach, search_px), object_)) return true;
     }
-    return false;
+    // Where depth measures hardly anything of it, it is taken to have stayed.
+    object_.set_place(still);
+    return locator_.locate(context, depth, object_);
   }
 
   void move(const Displacement& own) {

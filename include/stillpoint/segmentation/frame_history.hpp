@@ -18,9 +18,6 @@ namespace stillpoint {
 /// are forgotten leave their memory to later ones.
 class FrameHistory {
  public:
-  /// Timestamps that differ by less are the same.
-  static constexpr double kSameTimeS = 1e-4;
-
   struct Track {
     int id;
     cv::Rect box;

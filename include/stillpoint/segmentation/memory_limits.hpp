@@ -51,8 +51,10 @@ class MemoryLimits {
 
   /// Whether an object has gone unseen for too long.
   bool too_old(double now_s, const SegmentationAge& age, const RememberedObject& object) const {
-    // A late segmenter gives few results: one that misses the object must not end it.
-    const double known_s = age.late() ? std::max(object.seen_s, age.arrived_s()) : object.seen_s;
+    double known_s = object.seen_s;
+    // A late segmenter gives few results: one that misses the object must not end it. Of what has
+    // no name it says nothing.
+    if (age.late() && !object.class_name.empty()) known_s = std::max(known_s, age.arrived_s());
     return now_s - known_s > unseen_s(object);
   }
 

@@ -96,6 +96,13 @@ class DepthScaleCheck {
   }
 
  private:
+  // Also a float of 65 m or more, which is no measurement elsewhere: it may be millimetres.
+  static float stored_depth_m(const RgbdFrame& frame, int x, int y) {
+    if (frame.depth.depth() == CV_16U) return depth_m_at(frame, x, y);
+    const float z = frame.depth.at<float>(y, x);
+    return std::isfinite(z) && z > 0 ? z : 0;
+  }
+
   static constexpr std::array<double, 4> kInUse{5000, 1000, 10000, 1};
   static constexpr double kPathOff = 1.5;      // less is what a tracker can make of people
   static constexpr double kBetter = 8;         // a difference of doubts; see doubt_of()
@@ -121,7 +128,7 @@ class DepthScaleCheck {
     std::size_t n = 0;
     for (int y = 0; y < frame.depth.rows; ++y)
       for (int x = 0; x < frame.depth.cols; ++x) {
-        const float z = depth_m_at(frame, x, y);
+        const float z = stored_depth_m(frame, x, y);
         if (!(z > 0)) continue;
         if (units) seen_[frame.depth.at<std::uint16_t>(y, x)] = 1;
         if (n++ % 5 == 0) depths_m_.push_back(z);
@@ -136,7 +143,7 @@ class DepthScaleCheck {
     std::vector<float> depths;
     for (int y = kStep / 2; y < frame.depth.rows; y += kStep)
       for (int x = kStep / 2; x < frame.depth.cols; x += kStep) {
-        const float z = depth_m_at(frame, x, y);
+        const float z = stored_depth_m(frame, x, y);
         if (!(z > 0)) continue;
         depths.push_back(z);
         samples.push_back({static_cast<float>((x - camera_.cx) / camera_.fx),
@@ -162,7 +169,7 @@ class DepthScaleCheck {
     for (int y = box.y; y < box.br().y; ++y)
       for (int x = box.x; x < box.br().x; ++x) {
         if (!person.mask.empty() && person.mask.at<uchar>(y - box.y, x - box.x) == 0) continue;
-        if (const float z = depth_m_at(frame, x, y); z > 0) depths.push_back(z);
+        if (const float z = stored_depth_m(frame, x, y); z > 0) depths.push_back(z);
       }
     if (depths.size() * 4 < static_cast<std::size_t>(box.area())) return;
     people_m_.push_back(static_cast<float>(quantile(depths, 0.5) * box.height / camera_.fy));
