@@ -75,7 +75,7 @@ TumSequence open_input(const MaskSettings& settings, const Note& note) {
   if (sequence.size() > 1 && sequence.entry(0).timestamp == 0)
     note("the names are no timestamps: " + fixed(images.fps, 0) +
          " images a second are taken (--fps)");
-  else if (settings.fps > 0)
+  else if (sequence.size() > 1 && settings.fps > 0)
     note("the names are timestamps: --fps does not count");
   return sequence;
 }

@@ -62,11 +62,11 @@ class MotionCheck {
   const std::vector<Instance>& find(FrameContext& context, EgoMotion& ego) {
     detector_.clear();
     judged_ = false;
-    const bool goes_on = context.size() == size_ && context.frame.timestamp > last_s_;
+    const bool goes_on =
+        std::isfinite(last_s_) && context.size() == size_ && context.frame.timestamp > last_s_;
     const bool hardly_measured = ego.between() || !context.depth.any_measured();
-    if (hardly_measured && (context.depth.empty() || !goes_on || std::isinf(last_s_)))
-      return detector_.found();
-    if (!goes_on || std::isinf(last_s_)) {
+    if (hardly_measured && (context.depth.empty() || !goes_on)) return detector_.found();
+    if (!goes_on) {
       reset();
       start_s_ = context.frame.depth_time();
     }
@@ -76,7 +76,7 @@ class MotionCheck {
                                                 : std::clamp(2 * ((size_.width + 80) / 160), 2, 64);
     cells_.set(context.depth, block_px);
     if (cells_.size() == 0) return detector_.found();  // not one cell
-    if (hardly_measured) {  // whom a lens is covered by is followed, nothing else
+    if (hardly_measured) {  // who covers the lens is followed; nothing else can be told
       find_near(nullptr, context);
       return detector_.found();
     }
