@@ -232,7 +232,7 @@ class ForwardPredictor {
     }
     // Where depth measures hardly anything of it, it is taken to have stayed.
     object_.set_place(still);
-    return locator_.locate(context, depth, object_);
+    return locator_.is_unmeasured(depth, object_);
   }
 
   void move(const Displacement& own) {

@@ -30,7 +30,7 @@ class ObjectLocator {
     if (!depth.empty() && object.depth_m() > 0) {
       align_by_depth(depth, object);
       const Support s = support(depth, {0, 0});
-      if (s.measured >= 12)
+      if (s.measured >= kFewestMeasured)
         return s.agree >= settings_.min_depth_support * static_cast<double>(s.measured);
     }
     // What has no name was found by its depth: where that shows nothing of it, it is gone.
@@ -67,8 +67,14 @@ class ObjectLocator {
     object.shift_prediction(start);
     align_by_depth(depth, object);
     const Support s = support(depth, {0, 0});
-    return s.measured >= 12 &&
+    return s.measured >= kFewestMeasured &&
            s.agree >= settings_.min_depth_support * static_cast<double>(s.measured);
+  }
+
+  /// Whether depth measures too little of an object at its predicted place to tell anything.
+  bool is_unmeasured(const DepthView& depth, const RememberedObject& object) {
+    set_probes(depth, object);
+    return support(depth, {0, 0}).measured < kFewestMeasured;
   }
 
   /// Moves the prediction of an object onto what `seen` shows of it, for use where depth cannot
@@ -127,6 +133,7 @@ class ObjectLocator {
  private:
   // In an image 640 wide: from place to place of a far search, and what costs one of 300 points.
   static constexpr int kFarStepPx = 16, kFarPricePx = 8;
+  static constexpr int kFewestMeasured = 12;  // pixels of an object by which depth tells
 
   struct Support {
     int agree = 0, measured = 0;
