@@ -68,8 +68,9 @@ TumSequence open_input(const MaskSettings& settings, const Note& note) {
         "--camera fr1, fr2, fr3, bonn or an ORB-SLAM style YAML file");
   const fs::path folder = image_folder_of(run.sequence);
   TumSequence sequence = image_folder(folder, images);
-  if (const std::size_t left = images_within_folders_of(folder, settings.out);
-      left && settings.format == "colmap")
+  const std::size_t left =
+      settings.format == "colmap" ? images_within_folders_of(folder, settings.out) : 0;
+  if (left > 0)
     note(std::to_string(left) + " images lie in folders within " + folder.string() +
          ", which COLMAP reads, too: they get no masks; run each folder by itself");
   if (sequence.size() > 1 && sequence.entry(0).timestamp == 0)

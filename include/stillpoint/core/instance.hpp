@@ -54,6 +54,12 @@ struct Segmentation {
   std::vector<Instance> instances{};
 };
 
+/// Timestamp of the frame that a result is of, an earlier one or that of `now_s`, which it came
+/// with. Seconds.
+inline double result_time(const Segmentation& segmentation, double now_s) {
+  return segmentation.timestamp < now_s - kSameTimeS ? segmentation.timestamp : now_s;
+}
+
 /// Smallest box around the non-zero pixels of an 8-bit mask; empty if there are none. O(pixels).
 inline cv::Rect mask_bounds(const cv::Mat& mask) {
   int x0 = mask.cols, x1 = -1, y0 = mask.rows, y1 = -1;

@@ -99,8 +99,7 @@ class ObjectTracker {
     int memory = -1;
     std::string class_name;
     double first_s = 0, last_s = 0;  // seen first and last
-    double shown_s = 0;              // in the mask last, seen or predicted
-    double state_s = 0, box_s = 0;   // times of the filter, and of its place in the image
+    double state_s = 0, box_s = 0;   // of the filter; of the box, in the mask last
     bool located = false;
     int chain = 0;
     PositionVelocityFilter filter;
@@ -133,7 +132,7 @@ class ObjectTracker {
     if (now_s <= now_s_) tracks_.clear();  // time went back
     last_s_ = now_s_, now_s_ = now_s;
     const auto lost = [&](const Track& t) {
-      return t.shown_s < last_s_ && now_s - t.shown_s > settings_.max_lost_s;
+      return t.box_s < last_s_ && now_s - t.box_s > settings_.max_lost_s;
     };
     tracks_.erase(std::remove_if(tracks_.begin(), tracks_.end(), lost), tracks_.end());
     seen_.clear();
@@ -240,7 +239,7 @@ class ObjectTracker {
     Track& track = settled_[static_cast<std::size_t>(seen.track)];
     if (seen.memory >= 0) track.memory = seen.memory;
     if (!seen.class_name.empty()) track.class_name = seen.class_name;
-    track.box = seen.box, track.box_s = track.shown_s = now_s_;
+    track.box = seen.box, track.box_s = now_s_;
     track.center_px = seen.measurement.center_px;
     if (seen.at_s) track.last_s = std::max(track.last_s, *seen.at_s);
     if (!seen.measured()) return;

@@ -53,7 +53,7 @@ class ForwardPredictor {
     const RgbdFrame& frame = context.frame;
     status_ = kOk, age_s_ = 0;
     const bool late =
-        segmentation.available && segmentation.timestamp < frame.timestamp - kSameTimeS;
+        segmentation.available && result_time(segmentation, frame.timestamp) < frame.timestamp;
     was_late_ = was_late_ || late;
     // A frame without a result may get one later.
     if (!was_late_ && segmentation.available) return frames_.keep(0);

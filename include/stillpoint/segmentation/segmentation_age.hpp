@@ -18,7 +18,7 @@ class SegmentationAge {
   void add(double now_s, const Segmentation& segmentation) {
     available_ = segmentation.available;
     if (available_) {
-      result_s_ = segmentation.timestamp < now_s - kSameTimeS ? segmentation.timestamp : now_s;
+      result_s_ = result_time(segmentation, now_s);
       arrived_s_ = now_s;
       late_ = result_s_ < now_s;
     }

@@ -36,7 +36,7 @@ class SuddenObjectFilter {
               Segmentation& segmentation) {
     status_ = kOk;
     if (!segmentation.available) return;
-    const double result_s = segmentation.timestamp < now_s ? segmentation.timestamp : now_s;
+    const double result_s = result_time(segmentation, now_s);
     const bool paused = !(result_s - last_s_ <= kPauseS && result_s >= last_s_);
     last_s_ = result_s;
     next_.clear();
